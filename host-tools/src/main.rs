@@ -1,0 +1,2 @@
+//! The command `truepose`.
+fn main() {}

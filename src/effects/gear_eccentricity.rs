@@ -1,0 +1,72 @@
+//! A gear or encoder disc that runs out of true.
+
+use serde::{Deserialize, Serialize};
+
+use super::{EffectModel, Reading, Stage, entry};
+use crate::Scalar;
+
+/// Harmonic error: adds `sin * sin(order q) + cos * (cos(order q) - 1)` to the reading.
+/// MRD 4.22.
+///
+/// The cosine is counted from its value at zero reading, so that the term does not move the
+/// joint's zero; a constant is the joint's offset.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GearEccentricity<T: Scalar> {
+    /// Joint, from 0.
+    pub joint: u8,
+    /// Periods per joint turn (revolute) or per metre times 2 pi (prismatic); any number.
+    pub order: T,
+    /// Amplitudes of sine and cosine, rad or m.
+    pub amplitude: [T; 2],
+}
+
+impl<T: Scalar> GearEccentricity<T> {
+    /// No error yet on `joint` (from 0).
+    pub fn new(joint: u8, order: T) -> Self {
+        Self {
+            joint,
+            order,
+            amplitude: [T::zero(); 2],
+        }
+    }
+
+    pub(super) fn cast<U: Scalar>(&self) -> GearEccentricity<U> {
+        GearEccentricity {
+            joint: self.joint,
+            order: U::of(self.order.widen()),
+            amplitude: self.amplitude.map(|x| U::of(x.widen())),
+        }
+    }
+}
+
+impl<T: Scalar> EffectModel<T> for GearEccentricity<T> {
+    fn kind(&self) -> &'static str {
+        "gear-eccentricity"
+    }
+
+    fn joint(&self) -> usize {
+        usize::from(self.joint)
+    }
+
+    fn parameters(&self) -> &'static [(&'static str, &'static str)] {
+        &[("sin", "rad"), ("cos", "rad")]
+    }
+
+    fn values(&self) -> &[T] {
+        &self.amplitude
+    }
+
+    fn values_mut(&mut self) -> &mut [T] {
+        &mut self.amplitude
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Reading
+    }
+
+    #[inline]
+    fn reading_partial(&self, k: usize, at: &Reading<'_, T>) -> T {
+        let (s, c) = (self.order * entry(at.q, self.joint())).sincos();
+        if k == 0 { s } else { c - T::one() }
+    }
+}

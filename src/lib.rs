@@ -1,0 +1,16 @@
+#![no_std]
+#![forbid(unsafe_code)]
+//! Takes the geometric and non-geometric errors of a robot arm out of its joint commands, in
+//! the control loop.
+
+mod chain;
+pub mod effects;
+pub mod jacobian;
+mod joint;
+mod pose;
+mod scalar;
+
+pub use chain::{BakedJoint, Frame, Gauge, LinkMass, bake, forward};
+pub use joint::{Convention, Joint, JointKind, Parameter, ParameterTwist};
+pub use pose::{Pose, StoredPose, Twist};
+pub use scalar::Scalar;
