@@ -7,10 +7,12 @@ mod chain;
 pub mod effects;
 pub mod jacobian;
 mod joint;
+pub mod model;
 mod pose;
 mod scalar;
 
 pub use chain::{BakedJoint, Frame, Gauge, LinkMass, bake, forward};
 pub use joint::{Convention, Joint, JointKind, Parameter, ParameterTwist};
+pub use model::{Arm, BakedChain, Model, Room, Scratch};
 pub use pose::{Pose, StoredPose, Twist};
 pub use scalar::Scalar;

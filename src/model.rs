@@ -1,0 +1,243 @@
+//! The forward model: the chain and its effects, one code for host and controller.
+
+use heapless::Vec;
+use nalgebra::Vector3;
+
+use crate::chain::{BakedJoint, Frame, forward};
+use crate::effects::{Ambient, Conditions, Effect, Posture, Reading, Stage, gravity_loads};
+use crate::{Pose, Scalar, Twist};
+
+/// Effects that one model can hold on the controller.
+pub const MAX_EFFECTS: usize = 64;
+
+/// A chain with its effects, borrowed from whoever owns the arrays.
+#[derive(Clone, Copy, Debug)]
+pub struct Arm<'m, T: Scalar> {
+    /// Baked base, seen from the frame that poses are wanted in (the world).
+    pub base: &'m Pose<T>,
+    /// Baked joints, base to tool.
+    pub joints: &'m [BakedJoint<T>],
+    /// Baked tool.
+    pub tool: &'m Pose<T>,
+    /// Acceleration of gravity in the world, m/s^2.
+    pub gravity: &'m Vector3<T>,
+    /// What the rigid chain lacks.
+    pub effects: &'m [Effect<T>],
+}
+
+/// Room for one evaluation; every slice has one place a joint.
+#[derive(Debug)]
+pub struct Scratch<'s, T: Scalar> {
+    /// Readings with what the effects add, rad or m.
+    pub q: &'s mut [T],
+    /// Baked frames after each motion.
+    pub frames: &'s mut [Frame<T>],
+    /// Gravity's moments, N m; left alone where no effect needs them.
+    pub moments: &'s mut [Vector3<T>],
+    /// Gravity's forces, N; likewise.
+    pub forces: &'s mut [Vector3<T>],
+}
+
+/// Result of one evaluation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prediction<T: Scalar> {
+    /// Tool pose of the chain at the corrected readings.
+    pub rigid: Pose<T>,
+    /// What the effects after the kinematics add to it, world axes at the tool point.
+    pub twist: Twist<T>,
+}
+
+impl<T: Scalar> Prediction<T> {
+    /// Where the tool is.
+    pub fn pose(&self) -> Pose<T> {
+        self.rigid.displaced(&self.twist)
+    }
+}
+
+impl<T: Scalar> Arm<'_, T> {
+    /// Where the tool is at the readings `q` (rad or m): effects on the readings, the chain,
+    /// effects of the posture, in this order.
+    pub fn predict(
+        &self,
+        q: &[T],
+        direction: &[T],
+        ambient: &Ambient<T>,
+        scratch: &mut Scratch<'_, T>,
+    ) -> Prediction<T> {
+        for (corrected, &q) in scratch.q.iter_mut().zip(q) {
+            *corrected = q;
+        }
+        let reading = Reading {
+            q,
+            direction,
+            ambient,
+        };
+        let mut loaded = false;
+        for effect in self.effects {
+            match effect.stage() {
+                Stage::Reading => {
+                    let (j, addition) = effect.addition(&reading);
+                    if let Some(corrected) = scratch.q.get_mut(j) {
+                        *corrected += addition;
+                    }
+                }
+                Stage::Posture => loaded = true,
+            }
+        }
+        let rigid = forward(self.base, self.joints, scratch.q, scratch.frames).then(self.tool);
+        let mut twist = Twist::zero();
+        if loaded {
+            self.with_posture(q, direction, ambient, &rigid, scratch, |posture| {
+                for effect in self.effects {
+                    if effect.stage() == Stage::Posture {
+                        twist = twist.plus(&effect.displacement(posture));
+                    }
+                }
+            });
+        }
+        Prediction { rigid, twist }
+    }
+
+    /// Calls `look` with what posture effects may look at, after [`Arm::predict`] has filled
+    /// `scratch` and returned `rigid` for the same arguments.
+    pub fn with_posture(
+        &self,
+        q: &[T],
+        direction: &[T],
+        ambient: &Ambient<T>,
+        rigid: &Pose<T>,
+        scratch: &mut Scratch<'_, T>,
+        look: impl FnOnce(&Posture<'_, T>),
+    ) {
+        gravity_loads(
+            self.joints,
+            scratch.frames,
+            rigid,
+            self.gravity,
+            ambient,
+            scratch.moments,
+            scratch.forces,
+        );
+        look(&Posture {
+            q,
+            direction,
+            ambient,
+            joints: self.joints,
+            frames: scratch.frames,
+            tool: rigid,
+            gravity: self.gravity,
+            moments: scratch.moments,
+            forces: scratch.forces,
+        });
+    }
+}
+
+/// A chain of N joints in baked form, owned.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BakedChain<T: Scalar, const N: usize> {
+    /// World to the first joint.
+    pub base: Pose<T>,
+    /// Base to tool.
+    pub joints: [BakedJoint<T>; N],
+    /// Last joint frame to tool.
+    pub tool: Pose<T>,
+    /// Acceleration of gravity in the world, m/s^2.
+    pub gravity: Vector3<T>,
+}
+
+impl<T: Scalar, const N: usize> BakedChain<T, N> {
+    /// The chain with effects.
+    pub fn arm<'m>(&'m self, effects: &'m [Effect<T>]) -> Arm<'m, T> {
+        Arm {
+            base: &self.base,
+            joints: &self.joints,
+            tool: &self.tool,
+            gravity: &self.gravity,
+            effects,
+        }
+    }
+
+    /// The same in another number type, rounded once.
+    pub fn cast<U: Scalar>(&self) -> BakedChain<U, N> {
+        BakedChain {
+            base: self.base.cast(),
+            joints: core::array::from_fn(|j| {
+                self.joints
+                    .get(j)
+                    .map_or_else(BakedJoint::identity, BakedJoint::cast)
+            }),
+            tool: self.tool.cast(),
+            gravity: self.gravity.map(|x| U::of(x.widen())),
+        }
+    }
+}
+
+/// Everything that the controller knows of its arm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model<T: Scalar, const N: usize> {
+    /// What the controller's own kinematics believe, base and tool aligned.
+    pub nominal: BakedChain<T, N>,
+    /// The arm as it was identified.
+    pub calibrated: BakedChain<T, N>,
+    /// What the rigid chain lacks.
+    pub effects: Vec<Effect<T>, MAX_EFFECTS>,
+    /// Lower and upper limit of each joint command, rad or m.
+    pub limits: [[T; 2]; N],
+    /// Smallest step of each joint command, rad or m.
+    pub resolution: [T; N],
+}
+
+/// Room for one evaluation of an arm with N joints.
+#[derive(Clone, Debug)]
+pub struct Room<T: Scalar, const N: usize> {
+    q: [T; N],
+    frames: [Frame<T>; N],
+    moments: [Vector3<T>; N],
+    forces: [Vector3<T>; N],
+}
+
+impl<T: Scalar, const N: usize> Default for Room<T, N> {
+    fn default() -> Self {
+        Self {
+            q: [T::zero(); N],
+            frames: [Frame::identity(); N],
+            moments: [Vector3::zeros(); N],
+            forces: [Vector3::zeros(); N],
+        }
+    }
+}
+
+impl<T: Scalar, const N: usize> Room<T, N> {
+    /// As slices.
+    pub fn scratch(&mut self) -> Scratch<'_, T> {
+        Scratch {
+            q: &mut self.q,
+            frames: &mut self.frames,
+            moments: &mut self.moments,
+            forces: &mut self.forces,
+        }
+    }
+}
+
+impl<T: Scalar, const N: usize> Model<T, N> {
+    /// Where the calibrated arm's tool is in the world.
+    pub fn predict(&self, q: &[T; N], conditions: &Conditions<T, N>) -> Pose<T> {
+        let mut room = Room::<T, N>::default();
+        self.calibrated
+            .arm(&self.effects)
+            .predict(
+                q,
+                &conditions.direction,
+                &conditions.ambient,
+                &mut room.scratch(),
+            )
+            .pose()
+    }
+
+    /// Where the controller's own kinematics put the tool in the world.
+    pub fn nominal_pose(&self, q: &[T; N]) -> Pose<T> {
+        let mut frames = [Frame::identity(); N];
+        let nominal = &self.nominal;
+        forward(&nominal.base, &nominal.joints, q, &mut frames).then(&nominal.tool)
+    }
+}
