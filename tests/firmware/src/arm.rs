@@ -1,0 +1,68 @@
+//! The arm of the programs: a PUMA 560 whose every link deviates from its drawing.
+
+use core::f64::consts::FRAC_PI_2;
+
+use nalgebra::Vector3;
+use truepose::{Joint, JointKind, Pose};
+
+use crate::draws::Draws;
+
+/// Joints of the arm.
+pub const JOINTS: usize = 6;
+
+/// One DH row a joint: d and a in m, alpha in rad.
+const DRAWING: [(f64, f64, f64); JOINTS] = [
+    (0.0, 0.0, FRAC_PI_2),
+    (0.0, 0.4318, 0.0),
+    (0.15005, 0.0203, -FRAC_PI_2),
+    (0.4318, 0.0, FRAC_PI_2),
+    (0.0, 0.0, -FRAC_PI_2),
+    (0.0, 0.0, 0.0),
+];
+
+/// Half the travel of each joint, rad.
+pub const TRAVEL: [f32; JOINTS] = [2.7, 2.2, 2.3, 2.4, 1.7, 4.6];
+
+/// Largest deviation of an angle, rad, and of a length, m.
+const DEVIATION: (f64, f64) = (2e-3, 0.5e-3);
+
+/// A described arm.
+#[derive(Clone, Debug)]
+pub struct Arm {
+    /// World to robot base.
+    pub base: Pose<f64>,
+    /// Base to tool.
+    pub joints: [Joint<f64>; JOINTS],
+    /// Last link to tool.
+    pub tool: Pose<f64>,
+}
+
+/// As drawn.
+pub fn nominal() -> Arm {
+    Arm {
+        base: Pose::translate(0.2, -0.1, 0.4),
+        joints: DRAWING.map(|(d, a, alpha)| Joint::dh(JointKind::Revolute, 0.0, d, a, alpha)),
+        tool: Pose::translate(0.0, 0.0, 0.05625),
+    }
+}
+
+/// As built: five deviations a link, base and tool displaced as well.
+pub fn built() -> Arm {
+    let mut draws = Draws::seeded(560);
+    let mut draw = || f64::from(draws.symmetric());
+    let mut arm = nominal();
+    let (angle, length) = DEVIATION;
+    for joint in &mut arm.joints {
+        joint.theta += angle * draw();
+        joint.d += length * draw();
+        joint.a += length * draw();
+        joint.alpha += angle * draw();
+        joint.beta += angle * draw();
+    }
+    for pose in [&mut arm.base, &mut arm.tool] {
+        let mut vector = |scale| Vector3::new(draw(), draw(), draw()) * scale;
+        let moved = Pose::from_xyz_rpy(vector(length), vector(angle));
+        *pose = pose.then(&moved);
+    }
+    arm
+}
