@@ -1,2 +1,9 @@
 //! Identify a robot arm's real geometry from measured poses, find what is left, and write it
 //! as parameters for the controller.
+
+pub mod description;
+pub mod error;
+mod keys;
+pub mod measurement;
+mod units;
+pub mod warning;

@@ -1,0 +1,92 @@
+//! The nominal robot, as its drawing and its controller describe it.
+//!
+//! A TOML file in the project's own form comes out as a [`Robot`].
+
+mod toml;
+mod zero_reference;
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::Vector3;
+use truepose::{Joint, JointKind, LinkMass, Pose};
+
+use crate::error::{Error, read_text};
+
+/// A robot as described, in m and rad.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Robot {
+    /// As the file calls it.
+    pub name: String,
+    /// World (measurement) frame to robot base frame, nominal.
+    pub base: Pose<f64>,
+    /// From the base to the tool.
+    pub joints: Vec<RobotJoint>,
+    /// Last joint's distal frame to tool frame, nominal.
+    pub tool: Pose<f64>,
+    /// Acceleration of gravity in the base frame, m/s^2.
+    pub gravity: Vector3<f64>,
+    /// The file that it was read from.
+    pub source: PathBuf,
+}
+
+/// One joint with what is known of it besides its geometry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RobotJoint {
+    /// Geometry. A zero-reference axis is in the frame before the joint.
+    pub joint: Joint<f64>,
+    /// Lower and upper end of its reading, rad or m.
+    pub limits: Option<[f64; 2]>,
+    /// Motor turns per joint turn, signed.
+    pub ratio: Option<f64>,
+    /// Smallest step of the joint command, rad or m.
+    pub resolution: Option<f64>,
+    /// What gravity acts on, in the link's distal frame.
+    pub link: Option<LinkMass<f64>>,
+}
+
+/// Gravity where a description says nothing, m/s^2 in the base frame.
+pub const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
+
+impl Robot {
+    /// Reads a description, TOML or URDF, whichever the file holds.
+    pub fn read(file: &Path) -> Result<Self, Error> {
+        let text = read_text(file)?;
+        toml::parse(file, &text)
+    }
+
+    /// Joints without what else is known of them.
+    pub fn geometry(&self) -> Vec<Joint<f64>> {
+        self.joints.iter().map(|j| j.joint).collect()
+    }
+
+    /// Masses of the links, zero where the description has none.
+    pub fn masses(&self) -> Vec<LinkMass<f64>> {
+        self.joints
+            .iter()
+            .map(|j| j.link.unwrap_or_else(LinkMass::none))
+            .collect()
+    }
+
+    /// Tool pose in the world frame at the readings `q` (rad or m), by the plain product of
+    /// the described transforms.
+    pub fn forward(&self, q: &[f64]) -> Pose<f64> {
+        self.joints
+            .iter()
+            .zip(q)
+            .fold(self.base, |pose, (j, &q)| pose.then(&j.joint.transform(q)))
+            .then(&self.tool)
+    }
+
+    /// The farthest that the tool point can be from the base, m: all link lengths laid end to
+    /// end, sliding joints at the farther limit (0 where there is none).
+    pub fn reach(&self) -> f64 {
+        let mut sum = self.tool.translation.norm();
+        for RobotJoint { joint, limits, .. } in &self.joints {
+            sum += joint.transform(0.0).translation.norm() + joint.point.norm();
+            if joint.kind == JointKind::Prismatic {
+                sum += limits.map_or(0.0, |[low, high]| low.abs().max(high.abs()));
+            }
+        }
+        sum
+    }
+}
