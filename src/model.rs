@@ -22,7 +22,7 @@ pub struct Arm<'m, T: Scalar> {
     /// Acceleration of gravity in the world, m/s^2.
     pub gravity: &'m Vector3<T>,
     /// What the rigid chain lacks.
-    pub effects: &'m [Effect<T>],
+    pub effects: &'m [Effect<'m, T>],
 }
 
 /// Room for one evaluation; every slice has one place a joint.
@@ -122,6 +122,7 @@ impl<T: Scalar> Arm<'_, T> {
             q,
             direction,
             ambient,
+            base: self.base,
             joints: self.joints,
             frames: scratch.frames,
             tool: rigid,
@@ -147,7 +148,7 @@ pub struct BakedChain<T: Scalar, const N: usize> {
 
 impl<T: Scalar, const N: usize> BakedChain<T, N> {
     /// The chain with effects.
-    pub fn arm<'m>(&'m self, effects: &'m [Effect<T>]) -> Arm<'m, T> {
+    pub fn arm<'m>(&'m self, effects: &'m [Effect<'m, T>]) -> Arm<'m, T> {
         Arm {
             base: &self.base,
             joints: &self.joints,
@@ -172,15 +173,16 @@ impl<T: Scalar, const N: usize> BakedChain<T, N> {
     }
 }
 
-/// Everything that the controller knows of its arm.
+/// Everything that the controller knows of its arm. `'a`: the blob, which tables are read
+/// from in place.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Model<T: Scalar, const N: usize> {
+pub struct Model<'a, T: Scalar, const N: usize> {
     /// What the controller's own kinematics believe, base and tool aligned.
     pub nominal: BakedChain<T, N>,
     /// The arm as it was identified.
     pub calibrated: BakedChain<T, N>,
     /// What the rigid chain lacks.
-    pub effects: Vec<Effect<T>, MAX_EFFECTS>,
+    pub effects: Vec<Effect<'a, T>, MAX_EFFECTS>,
     /// Lower and upper limit of each joint command, rad or m.
     pub limits: [[T; 2]; N],
     /// Smallest step of each joint command, rad or m.
@@ -219,7 +221,7 @@ impl<T: Scalar, const N: usize> Room<T, N> {
     }
 }
 
-impl<T: Scalar, const N: usize> Model<T, N> {
+impl<T: Scalar, const N: usize> Model<'_, T, N> {
     /// Where the calibrated arm's tool is in the world.
     pub fn predict(&self, q: &[T; N], conditions: &Conditions<T, N>) -> Pose<T> {
         let mut room = Room::<T, N>::default();

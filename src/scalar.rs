@@ -34,6 +34,35 @@ pub trait Scalar: RealField + Copy {
 
     /// False for NaN and infinities.
     fn finite(self) -> bool;
+
+    /// Largest integer not above `self`, and what is left, in [0, 1]. Both 0 for NaN; beyond
+    /// the integers' range the nearest of them and a rest of 0 or 1.
+    fn split(self) -> (i32, Self);
+
+    /// A small integer as a number, exact.
+    fn count(x: i16) -> Self;
+}
+
+/// [`Scalar::split`] for a primitive type: `as` truncates, saturates and takes NaN to 0.
+macro_rules! split {
+    ($x:expr, $float:ty) => {{
+        let x = $x;
+        let toward_zero = x as i32;
+        let whole = if toward_zero as $float > x {
+            toward_zero.saturating_sub(1)
+        } else {
+            toward_zero
+        };
+        let rest = x - whole as $float;
+        let rest = if rest >= 1.0 {
+            1.0
+        } else if rest > 0.0 {
+            rest
+        } else {
+            0.0
+        };
+        (whole, rest)
+    }};
 }
 
 /// Sine and cosine on +-pi/4 by odd and even polynomials in `r`, then turned into the
@@ -105,6 +134,16 @@ impl Scalar for f32 {
     fn finite(self) -> bool {
         self.is_finite()
     }
+
+    #[inline]
+    fn split(self) -> (i32, Self) {
+        split!(self, Self)
+    }
+
+    #[inline]
+    fn count(x: i16) -> Self {
+        Self::from(x)
+    }
 }
 
 impl Scalar for f64 {
@@ -174,5 +213,15 @@ impl Scalar for f64 {
     #[inline]
     fn finite(self) -> bool {
         self.is_finite()
+    }
+
+    #[inline]
+    fn split(self) -> (i32, Self) {
+        split!(self, Self)
+    }
+
+    #[inline]
+    fn count(x: i16) -> Self {
+        Self::from(x)
     }
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{EffectModel, Reading, Stage, entry};
+use super::{EffectModel, Reading, Selector, Stage, entry};
 use crate::Scalar;
 
 /// Harmonic error: adds `sin * sin(order q) + cos * (cos(order q) - 1)` to the reading.
@@ -44,8 +44,16 @@ impl<T: Scalar> EffectModel<T> for GearEccentricity<T> {
         "gear-eccentricity"
     }
 
-    fn joint(&self) -> usize {
-        usize::from(self.joint)
+    fn joint(&self) -> Option<usize> {
+        Some(usize::from(self.joint))
+    }
+
+    fn selector(&self) -> Selector {
+        Selector {
+            joint: self.joint(),
+            order: Some(self.order.widen()),
+            ..Selector::default()
+        }
     }
 
     fn parameters(&self) -> &'static [(&'static str, &'static str)] {
@@ -60,13 +68,25 @@ impl<T: Scalar> EffectModel<T> for GearEccentricity<T> {
         &mut self.amplitude
     }
 
+    fn constant_names(&self) -> &'static [(&'static str, &'static str)] {
+        &[("order", "1")]
+    }
+
+    fn constants(&self) -> &[T] {
+        core::slice::from_ref(&self.order)
+    }
+
+    fn constants_mut(&mut self) -> &mut [T] {
+        core::slice::from_mut(&mut self.order)
+    }
+
     fn stage(&self) -> Stage {
         Stage::Reading
     }
 
     #[inline]
     fn reading_partial(&self, k: usize, at: &Reading<'_, T>) -> T {
-        let (s, c) = (self.order * entry(at.q, self.joint())).sincos();
+        let (s, c) = (self.order * entry(at.q, usize::from(self.joint))).sincos();
         if k == 0 { s } else { c - T::one() }
     }
 }

@@ -39,8 +39,8 @@ impl<T: Scalar> EffectModel<T> for JointCompliance<T> {
         "joint-compliance"
     }
 
-    fn joint(&self) -> usize {
-        usize::from(self.joint)
+    fn joint(&self) -> Option<usize> {
+        Some(usize::from(self.joint))
     }
 
     fn parameters(&self) -> &'static [(&'static str, &'static str)] {
@@ -61,7 +61,7 @@ impl<T: Scalar> EffectModel<T> for JointCompliance<T> {
 
     #[inline]
     fn posture_partial(&self, _k: usize, at: &Posture<'_, T>) -> Displacement<T> {
-        let j = self.joint();
+        let j = usize::from(self.joint);
         let mut d = about_joint(at, j);
         if let (Some(moment), Some(force)) = (at.moments.get(j), at.forces.get(j)) {
             // The turn's axis picks the torque, the slide's axis the force.

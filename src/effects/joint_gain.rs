@@ -36,8 +36,8 @@ impl<T: Scalar> EffectModel<T> for JointGain<T> {
         "joint-gain"
     }
 
-    fn joint(&self) -> usize {
-        usize::from(self.joint)
+    fn joint(&self) -> Option<usize> {
+        Some(usize::from(self.joint))
     }
 
     fn parameters(&self) -> &'static [(&'static str, &'static str)] {
@@ -58,6 +58,6 @@ impl<T: Scalar> EffectModel<T> for JointGain<T> {
 
     #[inline]
     fn reading_partial(&self, _k: usize, at: &Reading<'_, T>) -> T {
-        entry(at.q, self.joint())
+        entry(at.q, usize::from(self.joint))
     }
 }

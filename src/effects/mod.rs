@@ -1,115 +1,53 @@
 //! What the rigid chain lacks.
 //!
 //! An effect either adds to the reading of its joint, as a function of readings and
-//! conditions ([`Stage::Reading`]), or displaces everything beyond its joint, as a function
-//! of where the arm then stands ([`Stage::Posture`]). It is linear in its parameters and zero
-//! when they are zero. Host and controller evaluate the same code.
+//! conditions ([`Stage::Reading`]), or displaces everything beyond a joint or the base, as a
+//! function of where the arm then stands ([`Stage::Posture`]). It is linear in its values and
+//! zero when they are zero. Host and controller evaluate the same code.
 //!
-//! To add one: a file here with a struct that implements [`EffectModel`], a variant at the
-//! *end* of [`Effect`], its arm in the three places of the `effects!` list.
+//! To add one: a file here with a struct that implements [`EffectModel`], a line at the *end*
+//! of the `effects!` list, a line in [`KINDS`], an arm in [`Effect::named`].
 
+mod anchor;
+mod cross_axis_compliance;
 mod gear_eccentricity;
 mod joint_compliance;
+mod joint_curve;
 mod joint_gain;
+mod naming;
+mod situation;
+mod step_change;
+mod thermal_drift;
+mod time_drift;
+mod warm_up;
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::chain::{BakedJoint, Frame};
-use crate::{JointKind, Pose, Scalar, Twist};
+use crate::{JointKind, Scalar, Twist};
 
+pub use anchor::{AXES, Anchor, Description, Place};
+pub use cross_axis_compliance::CrossAxisCompliance;
 pub use gear_eccentricity::GearEccentricity;
 pub use joint_compliance::JointCompliance;
+pub use joint_curve::{Hat, JointCurve, Table, UNMEASURED, encode, hat};
 pub use joint_gain::JointGain;
+pub use naming::{KINDS, Kind, Needs, Selector};
+pub use situation::{Ambient, Conditions, MAX_SENSORS, Posture, Reading, gravity_loads};
+pub use step_change::StepChange;
+pub use thermal_drift::ThermalDrift;
+pub use time_drift::TimeDrift;
+pub use warm_up::WarmUp;
 
-/// What is known of a pose besides its joints. What was not measured stays at its default.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Conditions<T: Scalar, const N: usize> {
-    /// Sign of the last move of each joint: -1, 0 (unknown) or +1.
-    pub direction: [T; N],
-    /// What does not depend on the number of joints.
-    pub ambient: Ambient<T>,
-}
-
-/// Conditions that are one a pose, not one a joint.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ambient<T: Scalar> {
-    /// kg beyond the flange, the tool's own mass excluded.
-    pub payload: T,
-    /// Its centre of mass in the tool frame, m.
-    pub payload_com: Vector3<T>,
-    /// degC, one a sensor; 0 where there is none.
-    pub temperature: [T; MAX_SENSORS],
-    /// s since the start of the measurements.
-    pub time: T,
-}
-
-/// Temperature sensors that a pose can carry.
-pub const MAX_SENSORS: usize = 8;
-
-impl<T: Scalar> Default for Ambient<T> {
-    fn default() -> Self {
-        Self {
-            payload: T::zero(),
-            payload_com: Vector3::zeros(),
-            temperature: [T::zero(); MAX_SENSORS],
-            time: T::zero(),
-        }
-    }
-}
-
-impl<T: Scalar, const N: usize> Default for Conditions<T, N> {
-    fn default() -> Self {
-        Self {
-            direction: [T::zero(); N],
-            ambient: Ambient::default(),
-        }
-    }
-}
+use situation::since;
 
 /// When an effect is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Before the kinematics: it adds to a joint's reading.
     Reading,
-    /// After them: it displaces what lies beyond a joint.
+    /// After them: it displaces what lies beyond a joint, or the base with everything on it.
     Posture,
-}
-
-/// What an effect of [`Stage::Reading`] may look at.
-#[derive(Clone, Copy, Debug)]
-pub struct Reading<'s, T: Scalar> {
-    /// Readings, rad or m.
-    pub q: &'s [T],
-    /// Sign of the last move of each joint.
-    pub direction: &'s [T],
-    /// Payload, temperatures, time.
-    pub ambient: &'s Ambient<T>,
-}
-
-/// What an effect of [`Stage::Posture`] may look at, in the axes of the frame that the
-/// kinematics started in.
-#[derive(Clone, Copy, Debug)]
-pub struct Posture<'s, T: Scalar> {
-    /// Readings, rad or m.
-    pub q: &'s [T],
-    /// Sign of the last move of each joint.
-    pub direction: &'s [T],
-    /// Payload, temperatures, time.
-    pub ambient: &'s Ambient<T>,
-    /// Baked joints.
-    pub joints: &'s [BakedJoint<T>],
-    /// Frames of all joints.
-    pub frames: &'s [Frame<T>],
-    /// Tool pose of the chain alone.
-    pub tool: &'s Pose<T>,
-    /// Acceleration of gravity, m/s^2.
-    pub gravity: &'s Vector3<T>,
-    /// Gravity's moment about each joint's origin of all that lies beyond it, payload
-    /// included, N m.
-    pub moments: &'s [Vector3<T>],
-    /// Gravity's force on all that lies beyond each joint, N.
-    pub forces: &'s [Vector3<T>],
 }
 
 /// A displacement of everything beyond a joint, about `origin`.
@@ -121,15 +59,34 @@ pub struct Displacement<T: Scalar> {
     pub origin: Vector3<T>,
 }
 
+impl<T: Scalar> Displacement<T> {
+    /// None.
+    pub fn zero() -> Self {
+        Self {
+            twist: Twist::zero(),
+            origin: Vector3::zeros(),
+        }
+    }
+}
+
 /// What every non-geometric effect can do.
 pub trait EffectModel<T: Scalar> {
     /// Kind as it stands in reports, e.g. `"joint-gain"`.
     fn kind(&self) -> &'static str;
 
-    /// The joint that it acts on or through, counted from 0.
-    fn joint(&self) -> usize;
+    /// The joint that it acts on or through, counted from 0; `None` for the base.
+    fn joint(&self) -> Option<usize>;
 
-    /// Parameters in order, with SI units: `[("compliance", "rad/(N m)")]`.
+    /// Which effect of its kind, so that [`Effect::named`] finds it again.
+    fn selector(&self) -> Selector {
+        Selector {
+            joint: self.joint(),
+            ..Selector::default()
+        }
+    }
+
+    /// Linear parameters in order, with SI units (of a revolute joint):
+    /// `[("compliance", "rad/(N m)")]`.
     fn parameters(&self) -> &'static [(&'static str, &'static str)];
 
     /// Values in the order of [`Self::parameters`].
@@ -137,6 +94,32 @@ pub trait EffectModel<T: Scalar> {
 
     /// The same, for the solver to set.
     fn values_mut(&mut self) -> &mut [T];
+
+    /// Constants that it is not linear in and that a solver may refine, with SI units:
+    /// `[("tau", "s")]`.
+    fn constant_names(&self) -> &'static [(&'static str, &'static str)] {
+        &[]
+    }
+
+    /// Constants in the order of [`Self::constant_names`].
+    fn constants(&self) -> &[T] {
+        &[]
+    }
+
+    /// The same, to refine them.
+    fn constants_mut(&mut self) -> &mut [T] {
+        &mut []
+    }
+
+    /// Sets what is fixed in the links from the described arm. To be called after every
+    /// bake; an effect that fixes nothing in a link does nothing.
+    fn attach(&mut self, _to: &Description<'_, T>) {}
+
+    /// False if anything else that is stored, [`Self::attach`]'s numbers among it, is not
+    /// finite.
+    fn anchors_are_finite(&self) -> bool {
+        true
+    }
 
     /// When it is evaluated.
     fn stage(&self) -> Stage;
@@ -149,26 +132,23 @@ pub trait EffectModel<T: Scalar> {
 
     /// [`Stage::Posture`]: d displacement / d `values()[k]`.
     fn posture_partial(&self, _k: usize, _at: &Posture<'_, T>) -> Displacement<T> {
-        Displacement {
-            twist: Twist::zero(),
-            origin: Vector3::zeros(),
-        }
+        Displacement::zero()
     }
 }
 
 /// The list: variant, its order is its number in stored blobs.
 macro_rules! effects {
-    ($($(#[$doc:meta])* $name:ident),+ $(,)?) => {
-        /// One effect of any kind.
+    ($life:lifetime: $($(#[$meta:meta])* $name:ident $(<$borrow:lifetime>)?),+ $(,)?) => {
+        /// One effect of any kind. `'a`: whoever holds the tables of joint curves.
         ///
         /// The variant's position is its number in stored blobs: append, never reorder, never
         /// remove. Exhaustive on purpose: whoever matches on it must notice a new one.
         #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-        pub enum Effect<T: Scalar> {
-            $($(#[$doc])* $name($name<T>)),+
+        pub enum Effect<$life, T: Scalar> {
+            $($(#[$meta])* $name($name<$($borrow,)? T>)),+
         }
 
-        impl<T: Scalar> Effect<T> {
+        impl<$life, T: Scalar> Effect<$life, T> {
             /// As its contract.
             #[inline]
             pub fn model(&self) -> &dyn EffectModel<T> {
@@ -182,7 +162,7 @@ macro_rules! effects {
             }
 
             /// The same in another number type, rounded once.
-            pub fn cast<U: Scalar>(&self) -> Effect<U> {
+            pub fn cast<U: Scalar>(&self) -> Effect<$life, U> {
                 match self { $(Self::$name(e) => Effect::$name(e.cast())),+ }
             }
 
@@ -195,7 +175,7 @@ macro_rules! effects {
             /// The joint and what this effect adds to its reading, rad or m.
             #[inline]
             pub fn addition(&self, at: &Reading<'_, T>) -> (usize, T) {
-                match self { $(Self::$name(e) => (e.joint(), addition(e, at))),+ }
+                match self { $(Self::$name(e) => addition(e, at)),+ }
             }
 
             /// Displacement of the tool point, axes of the kinematics' start frame.
@@ -207,22 +187,51 @@ macro_rules! effects {
     };
 }
 
-effects! {
+effects! { 'a:
     /// See [`JointGain`].
     JointGain,
     /// See [`GearEccentricity`].
     GearEccentricity,
     /// See [`JointCompliance`].
     JointCompliance,
+    /// See [`JointCurve`].
+    #[serde(borrow)]
+    JointCurve<'a>,
+    /// See [`CrossAxisCompliance`].
+    CrossAxisCompliance,
+    /// See [`ThermalDrift`].
+    ThermalDrift,
+    /// See [`TimeDrift`].
+    TimeDrift,
+    /// See [`WarmUp`].
+    WarmUp,
+    /// See [`StepChange`].
+    StepChange,
+}
+
+impl<T: Scalar> Effect<'_, T> {
+    /// True if every number in it is finite and its joints are among the first `joints`: what
+    /// a decoded effect has to be.
+    pub fn is_sound(&self, joints: usize) -> bool {
+        let model = self.model();
+        let selector = model.selector();
+        model.values().iter().all(|x| x.finite())
+            && model.constants().iter().all(|x| x.finite())
+            && model.anchors_are_finite()
+            && [selector.joint, selector.from]
+                .iter()
+                .flatten()
+                .all(|&j| j < joints)
+    }
 }
 
 #[inline]
-fn addition<T: Scalar, E: EffectModel<T>>(effect: &E, at: &Reading<'_, T>) -> T {
+fn addition<T: Scalar, E: EffectModel<T>>(effect: &E, at: &Reading<'_, T>) -> (usize, T) {
     let mut sum = T::zero();
     for (k, &value) in effect.values().iter().enumerate() {
         sum += effect.reading_partial(k, at) * value;
     }
-    sum
+    (effect.joint().unwrap_or(usize::MAX), sum)
 }
 
 #[inline]
@@ -233,36 +242,6 @@ fn displacement<T: Scalar, E: EffectModel<T>>(effect: &E, at: &Posture<'_, T>) -
         sum = sum.plus(&d.twist.at(&(at.tool.translation - d.origin)).scaled(value));
     }
     sum
-}
-
-/// Gravity's forces and moments on the joints.
-///
-/// `moments[j]`: about the origin of frame `j`, of every mass beyond joint `j` and of the
-/// payload, N m; `forces[j]` in N. One pass from the tool to the base.
-pub fn gravity_loads<T: Scalar>(
-    joints: &[BakedJoint<T>],
-    frames: &[Frame<T>],
-    tool: &Pose<T>,
-    gravity: &Vector3<T>,
-    ambient: &Ambient<T>,
-    moments: &mut [Vector3<T>],
-    forces: &mut [Vector3<T>],
-) {
-    let mut mass = ambient.payload;
-    let mut first_moment = tool.point(&ambient.payload_com) * ambient.payload;
-    for (((joint, frame), moment), force) in joints
-        .iter()
-        .zip(frames)
-        .zip(moments.iter_mut())
-        .zip(forces.iter_mut())
-        .rev()
-    {
-        let link = &joint.mass;
-        mass += link.mass;
-        first_moment += (frame.origin + frame.rotation * link.com) * link.mass;
-        *moment = (first_moment - frame.origin * mass).cross(gravity);
-        *force = gravity * mass;
-    }
 }
 
 /// The turn of everything beyond joint `j` about (or, prismatic, the slide along) its own
@@ -277,10 +256,7 @@ pub(crate) fn about_joint<T: Scalar>(at: &Posture<'_, T>, j: usize) -> Displacem
             },
             origin: frame.origin,
         },
-        _ => Displacement {
-            twist: Twist::zero(),
-            origin: at.tool.translation,
-        },
+        _ => Displacement::zero(),
     }
 }
 

@@ -1,0 +1,180 @@
+//! Directions and points that are fixed in a link, in spite of the baked frames' freedom.
+//!
+//! Baked frames may be turned about and slid along their axes by every new bake. What an
+//! effect fixes in a link is therefore given in the *described* frames and kept as constants
+//! in the baked ones, set anew by [`super::EffectModel::attach`] after each bake.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::{Displacement, Posture};
+use crate::chain::{Frame, Gauge};
+use crate::jacobian::carried;
+use crate::{Joint, Pose, Scalar, Twist};
+
+/// The described arm beside its baked form, for effects to attach themselves to.
+#[derive(Clone, Copy, Debug)]
+pub struct Description<'d, T: Scalar> {
+    /// Described robot base, seen from the baked base.
+    pub base: &'d Pose<T>,
+    /// Joints as described.
+    pub joints: &'d [Joint<T>],
+    /// From [`crate::bake`]: described joint frames after the motion, seen from the baked ones.
+    pub gauges: &'d [Gauge<T>],
+    /// Tool as described: last link's distal frame to tool.
+    pub tool: &'d Pose<T>,
+}
+
+impl<T: Scalar> Description<'_, T> {
+    /// Next joint's described frame before its motion (beyond the last joint: the tool),
+    /// seen from joint `j`'s described frame after the motion. The link `j`, in short.
+    pub fn link(&self, j: usize) -> Option<Pose<T>> {
+        let after = self.joints.get(j)?.after();
+        Some(match self.joints.get(j + 1) {
+            Some(next) => after.then(&next.before()),
+            None => after.then(self.tool),
+        })
+    }
+}
+
+/// A described joint frame after the motion, seen from the baked one: cosine and sine of its
+/// turn about z, and its origin, m.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Anchor<T: Scalar>([T; 5]);
+
+impl<T: Scalar> Default for Anchor<T> {
+    /// On the baked frame.
+    fn default() -> Self {
+        let o = T::zero();
+        Self([T::one(), o, o, o, o])
+    }
+}
+
+impl<T: Scalar> Anchor<T> {
+    /// On the described frame of joint `j`; left on the baked frame if there is no such joint.
+    pub(super) fn of(to: &Description<'_, T>, j: usize) -> Self {
+        to.gauges.get(j).map_or_else(Self::default, |gauge| {
+            let (r, p) = (&gauge.rotation, &gauge.translation);
+            Self([r[(0, 0)], r[(1, 0)], p.x, p.y, p.z])
+        })
+    }
+
+    pub(super) fn is_finite(&self) -> bool {
+        self.0.iter().all(|x| x.finite())
+    }
+
+    pub(super) fn cast<U: Scalar>(&self) -> Anchor<U> {
+        Anchor(self.0.map(|x| U::of(x.widen())))
+    }
+
+    /// Origin of the described frame, given the baked one.
+    #[inline]
+    pub(super) fn origin(&self, frame: &Frame<T>) -> Vector3<T> {
+        let [_, _, x, y, z] = self.0;
+        frame.origin + frame.rotation * Vector3::new(x, y, z)
+    }
+}
+
+/// What a drift moves: a joint's zero, or the base along or about one of its axes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Place<T: Scalar> {
+    /// The reading of a joint, counted from 0.
+    Joint(u8),
+    /// The robot base.
+    Base {
+        /// 0 to 2: along x, y, z of the described base; 3 to 5: about them.
+        axis: u8,
+        /// That unit displacement in the axes and at the origin of the baked base.
+        unit: Twist<T>,
+    },
+}
+
+/// Names of the six displacements of a frame.
+pub const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+
+/// Unit displacement number `axis` of a frame: along x, y, z, then about them.
+pub(super) fn unit_twist<T: Scalar>(axis: u8) -> Twist<T> {
+    let mut twist = Twist::zero();
+    let half = if axis < 3 {
+        &mut twist.linear
+    } else {
+        &mut twist.angular
+    };
+    if let Some(entry) = half.get_mut(usize::from(axis % 3)) {
+        *entry = T::one();
+    }
+    twist
+}
+
+impl<T: Scalar> Place<T> {
+    /// The base along (0 to 2) or about (3 to 5) one of its axes.
+    pub fn base(axis: u8) -> Self {
+        Self::Base {
+            axis,
+            unit: unit_twist(axis),
+        }
+    }
+
+    pub(super) fn joint(&self) -> Option<usize> {
+        match self {
+            Self::Joint(j) => Some(usize::from(*j)),
+            Self::Base { .. } => None,
+        }
+    }
+
+    pub(super) fn axis(&self) -> Option<u8> {
+        match self {
+            Self::Joint(_) => None,
+            Self::Base { axis, .. } => Some(*axis),
+        }
+    }
+
+    pub(super) fn stage(&self) -> super::Stage {
+        match self {
+            Self::Joint(_) => super::Stage::Reading,
+            Self::Base { .. } => super::Stage::Posture,
+        }
+    }
+
+    /// The base's displacement times `factor`.
+    #[inline]
+    pub(super) fn displaced(&self, at: &Posture<'_, T>, factor: T) -> Displacement<T> {
+        let twist = match self {
+            Self::Joint(_) => Twist::zero(),
+            Self::Base { unit, .. } => {
+                let r = &at.base.rotation;
+                Twist::new(r * unit.linear, r * unit.angular).scaled(factor)
+            }
+        };
+        Displacement {
+            twist,
+            origin: at.base.translation,
+        }
+    }
+
+    pub(super) fn attach(&mut self, to: &Description<'_, T>) {
+        if let Self::Base { axis, unit } = self {
+            *unit = carried(to.base, &unit_twist(*axis));
+        }
+    }
+
+    pub(super) fn is_finite(&self) -> bool {
+        match self {
+            Self::Joint(_) => true,
+            Self::Base { unit, .. } => unit.rows().iter().all(|x| x.finite()),
+        }
+    }
+
+    pub(super) fn cast<U: Scalar>(&self) -> Place<U> {
+        match self {
+            Self::Joint(j) => Place::Joint(*j),
+            Self::Base { axis, unit } => Place::Base {
+                axis: *axis,
+                unit: Twist::new(
+                    unit.linear.map(|x| U::of(x.widen())),
+                    unit.angular.map(|x| U::of(x.widen())),
+                ),
+            },
+        }
+    }
+}
