@@ -5,5 +5,6 @@ pub mod description;
 pub mod error;
 mod keys;
 pub mod measurement;
+pub mod output;
 mod units;
 pub mod warning;
