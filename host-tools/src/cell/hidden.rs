@@ -296,7 +296,13 @@ impl Hidden {
             "link-bending" => Self::LinkBending { link: joint },
             "base-flex" => Self::BaseFlex,
             "backlash" => Self::Backlash { joint },
-            "thermal-growth" => Self::ThermalGrowth { link: joint },
+            "thermal-growth" => {
+                let long: Vec<usize> = (0..count)
+                    .filter(|&j| (drawing.links.get(j)).is_some_and(|l| l.a.hypot(l.d) > 0.2))
+                    .collect();
+                let link = *long.get(random.below(long.len()))?;
+                Self::ThermalGrowth { link }
+            }
             "thermal-drift" => Self::ThermalDrift { joint },
             "time-drift" => Self::TimeDrift {
                 joint: (random.below(3) > 0).then_some(joint),

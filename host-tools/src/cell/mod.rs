@@ -23,6 +23,7 @@
 mod campaign;
 mod drawing;
 mod files;
+mod handover;
 mod hidden;
 mod instrument;
 mod physics;
@@ -111,6 +112,14 @@ impl Cell {
             set_up,
             hidden: Vec::new(),
         }
+    }
+
+    /// An arm exactly as drawn, its base in the world frame's origin.
+    pub fn as_drawn(arm: Arm) -> Self {
+        let mut cell = Self::new(arm, 0);
+        cell.body.built = cell.drawing.clone();
+        cell.body.base = Solid::identity();
+        cell
     }
 
     /// The same cell with one more effect, of `size` in the effect's own unit.
