@@ -1,0 +1,165 @@
+//! Where the instrument stands, from the measurements alone.
+//!
+//! Known: where the drawing puts the flange in the robot base at every row. Wanted: the base
+//! in the world, the tool in the flange, further targets in the tool, the anchor of a wire.
+//! First guesses here are closed forms; Gauss-Newton on the same unknowns finishes.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use truepose::{Frame, Pose, forward};
+
+use super::arm::ArmModel;
+use super::observation::Observation;
+
+/// The rotation and translation that take points `from` to points `to` with the least sum
+/// of squares (Arun, Huang and Blostein 1987: SVD of the cross-covariance).
+pub fn best_fit(from: &[Vector3<f64>], to: &[Vector3<f64>]) -> Option<Pose<f64>> {
+    let n = from.len().min(to.len());
+    if n < 3 {
+        return None;
+    }
+    let mean = |points: &[Vector3<f64>]| points[..n].iter().sum::<Vector3<f64>>() / n as f64;
+    let (a, b) = (mean(from), mean(to));
+    let mut h = Matrix3::zeros();
+    for (p, q) in from.iter().zip(to) {
+        h += (q - b) * (p - a).transpose();
+    }
+    let r = nearest_rotation(&h)?;
+    Some(Pose::new(r, b - r * a))
+}
+
+/// Rotation nearest to a matrix, in the sense that makes the trace of `Rᵀ m` largest.
+pub fn nearest_rotation(m: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let svd = m.svd(true, true);
+    let (u, vt) = (svd.u?, svd.v_t?);
+    let mut fix = Matrix3::identity();
+    if (u * vt).determinant() < 0.0 {
+        // the smallest singular value's axis is turned round
+        let (smallest, _) = svd.singular_values.argmin();
+        fix[(smallest, smallest)] = -1.0;
+    }
+    Some(u * fix * vt)
+}
+
+/// Pose of the last link's distal frame in the robot base, by the drawing.
+pub fn flange_poses(arm: &ArmModel, observations: &[&Observation]) -> Vec<Pose<f64>> {
+    let mut frames = vec![Frame::identity(); arm.joint_count()];
+    let view = arm.view(0);
+    let from_base = arm.bases[0].inverse().then(view.base);
+    let to_flange = view.tool.then(&arm.tool.inverse());
+    observations
+        .iter()
+        .map(|o| forward(&from_base, view.joints, &o.q, &mut frames).then(&to_flange))
+        .collect()
+}
+
+/// Sets bases, tool, targets and anchor of `arm` to first guesses. `tool`: the tool point
+/// to assume in the flange, m.
+pub fn first_guess(
+    arm: &mut ArmModel,
+    observations: &[&Observation],
+    tool: Vector3<f64>,
+    sessions: usize,
+) {
+    arm.tool.translation = tool;
+    arm.bake();
+    let flanges = flange_poses(arm, observations);
+    let first = arm.bases[0];
+    arm.bases.resize(sessions.max(1), first);
+    for session in 0..sessions {
+        let (mut from, mut to) = (Vec::new(), Vec::new());
+        for (o, flange) in observations.iter().zip(&flanges) {
+            if let (true, Some(p)) = (o.session == session, o.position) {
+                from.push(flange.point(&tool));
+                to.push(p);
+            }
+        }
+        if let Some(base) = best_fit(&from, &to) {
+            arm.bases[session] = base;
+        }
+    }
+    let mut turns = Matrix3::zeros();
+    for (o, flange) in observations.iter().zip(&flanges) {
+        if let Some(measured) = o.rotation {
+            let base = &arm.bases[o.session];
+            turns += flange.rotation.transpose() * base.rotation.transpose() * measured;
+        }
+    }
+    if turns.norm() > 0.0
+        && let Some(r) = nearest_rotation(&turns)
+    {
+        arm.tool.rotation = r;
+    }
+    guess_targets(arm, observations, &flanges);
+    guess_anchor(arm, observations, &flanges);
+    arm.bake();
+}
+
+/// Mean position of every further target in the tool frame.
+fn guess_targets(arm: &mut ArmModel, observations: &[&Observation], flanges: &[Pose<f64>]) {
+    let count = observations
+        .iter()
+        .map(|o| o.targets.len())
+        .max()
+        .unwrap_or(0);
+    for i in arm.targets.len()..count {
+        let (mut sum, mut n) = (Vector3::zeros(), 0.0);
+        for (o, flange) in observations.iter().zip(flanges) {
+            if let Some(Some(p)) = o.targets.get(i) {
+                let pose = arm.bases[o.session].then(flange).then(&arm.tool);
+                sum += pose.inverse().point(p);
+                n += 1.0;
+            }
+        }
+        arm.targets.push(if n > 0.0 { sum / n } else { sum });
+    }
+}
+
+/// Anchor of a wire by linear least squares in the anchor and its squared distance from the
+/// origin: `L² = |x|² - 2 x·a + |a|²`.
+fn guess_anchor(arm: &mut ArmModel, observations: &[&Observation], flanges: &[Pose<f64>]) {
+    let mut points = Vec::new();
+    for (o, flange) in observations.iter().zip(flanges) {
+        if let Some(length) = o.length {
+            let x = arm.bases[o.session]
+                .then(flange)
+                .point(&arm.tool.translation);
+            points.push((x, length));
+        }
+    }
+    if points.len() < 4 {
+        return;
+    }
+    let rows = points.len();
+    let mut a = DMatrix::zeros(rows, 4);
+    let mut b = DVector::zeros(rows);
+    for (i, (x, length)) in points.iter().enumerate() {
+        for axis in 0..3 {
+            a[(i, axis)] = -2.0 * x[axis];
+        }
+        a[(i, 3)] = 1.0;
+        b[i] = length * length - x.norm_squared();
+    }
+    if let Ok(solution) = a.svd(true, true).solve(&b, 1e-12) {
+        arm.anchor = Vector3::new(solution[0], solution[1], solution[2]);
+    }
+}
+
+/// Turns the tool frame so that the identified further targets stand as near as possible to
+/// where the tool's drawing has them; says nothing where fewer than two are known.
+pub fn turn_tool_to_targets(arm: &mut ArmModel, nominal: &[Vector3<f64>]) {
+    if nominal.len() < 2 || arm.targets.len() < 2 {
+        return;
+    }
+    // the tool point itself is the third point, at the origin of both
+    let mut h = Matrix3::zeros();
+    for (found, drawn) in arm.targets.iter().zip(nominal) {
+        h += found * drawn.transpose();
+    }
+    if let Some(turn) = nearest_rotation(&h) {
+        arm.tool.rotation *= turn;
+        for target in &mut arm.targets {
+            *target = turn.transpose() * *target;
+        }
+        arm.bake();
+    }
+}

@@ -1,0 +1,79 @@
+//! Gross errors: rows whose measurement is wrong, as against rows that the model explains
+//! badly.
+
+use super::arm::ArmModel;
+use super::linearize::Evaluator;
+use super::observation::{Observation, Sigmas};
+use super::solve::misfit;
+
+/// How many times (squared) a gross row stands above the best of the worst tenth of all
+/// rows, and above its neighbours.
+const APART: f64 = 36.0;
+
+/// Nearest rows in joint space that a row is compared with.
+const NEIGHBOURS: usize = 10;
+
+/// Indices of the rows that stand apart, ascending, at most a tenth of all.
+///
+/// What the model lacks makes tails, and rows in the tails are what shows it. So the worst
+/// tenth and not the median is the yardstick, and a row is only gross if the arm fits well
+/// in its neighbourhood: what the arm does at a posture its neighbours do as well.
+pub fn gross(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> Vec<usize> {
+    let misfit = misfit(arm, observations, sigmas);
+    let mut sorted = misfit.clone();
+    sorted.sort_by(f64::total_cmp);
+    let tenth = sorted.get(sorted.len() * 9 / 10).copied().unwrap_or(0.0);
+    let suspicious: Vec<usize> = (0..misfit.len())
+        .filter(|&i| misfit[i] > APART * tenth && misfit[i] > 1.0)
+        .collect();
+    if suspicious.is_empty() {
+        return suspicious;
+    }
+    let levers = levers(arm, observations, sigmas);
+    let mut worst: Vec<usize> = suspicious
+        .into_iter()
+        .filter(|&i| misfit[i] > APART * around(i, observations, &levers, &misfit))
+        .collect();
+    worst.sort_by(|&a, &b| misfit[b].total_cmp(&misfit[a]).then(a.cmp(&b)));
+    worst.truncate(misfit.len() / 10);
+    worst.sort_unstable();
+    worst
+}
+
+/// How far the tool moves per unit of each joint, root mean square over the rows, m: what
+/// makes distances in joint space comparable.
+fn levers(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> Vec<f64> {
+    let mut evaluator = Evaluator::new(arm, sigmas);
+    let mut sums = vec![0.0; arm.joint_count()];
+    for o in observations {
+        evaluator.observe(o);
+        for (j, sum) in sums.iter_mut().enumerate() {
+            *sum += evaluator.joint_twist(j).linear.norm_squared();
+        }
+    }
+    let n = observations.len().max(1) as f64;
+    sums.into_iter().map(|s| (s / n).sqrt()).collect()
+}
+
+/// Second largest misfit of the nearest rows: two bad neighbours are a region, one may be
+/// gross itself.
+fn around(i: usize, observations: &[&Observation], levers: &[f64], misfit: &[f64]) -> f64 {
+    let here = &observations[i].q;
+    let mut distances: Vec<(f64, usize)> = observations
+        .iter()
+        .enumerate()
+        .filter(|&(k, _)| k != i)
+        .map(|(k, o)| {
+            let each = here.iter().zip(&o.q).zip(levers);
+            (each.map(|((a, b), l)| ((a - b) * l).powi(2)).sum(), k)
+        })
+        .collect();
+    distances.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut near: Vec<f64> = distances
+        .iter()
+        .take(NEIGHBOURS)
+        .map(|&(_, k)| misfit[k])
+        .collect();
+    near.sort_by(f64::total_cmp);
+    near.iter().rev().nth(1).copied().unwrap_or(0.0)
+}

@@ -1,0 +1,334 @@
+//! Residuals and their derivatives, whitened by the instrument's noise.
+
+use nalgebra::{DMatrix, DVector, Vector3};
+use truepose::effects::{Ambient, Effect, Reading, Stage};
+use truepose::jacobian::{AttachedTwist, reading_column};
+use truepose::{Frame, Pose, Scratch, Twist};
+
+use super::arm::ArmModel;
+use super::observation::{Observation, Sigmas};
+use super::unknown::Unknown;
+
+/// How one unknown reaches the measurement.
+enum Path {
+    Base { session: usize, unit: Twist<f64> },
+    Attached([Option<AttachedTwist<f64>>; 2]),
+    Target { target: usize, unit: Vector3<f64> },
+    Anchor { unit: Vector3<f64> },
+    Effect { effect: usize, value: usize },
+}
+
+fn unit(axis: usize) -> Vector3<f64> {
+    let mut v = Vector3::zeros();
+    v[axis % 3] = 1.0;
+    v
+}
+
+fn paths(arm: &ArmModel, unknowns: &[Unknown]) -> Vec<Path> {
+    let path = |unknown: &Unknown| match *unknown {
+        Unknown::Base { session, axis } => Path::Base {
+            session,
+            unit: if axis < 3 {
+                Twist::new(unit(axis), Vector3::zeros())
+            } else {
+                Twist::new(Vector3::zeros(), unit(axis))
+            },
+        },
+        Unknown::Tool { axis } => Path::Attached([Some(arm.tool_twist(axis)), None]),
+        Unknown::Joint(j, parameter) => Path::Attached(arm.joint_twists(j, parameter)),
+        Unknown::Target { target, axis } => Path::Target {
+            target,
+            unit: unit(axis),
+        },
+        Unknown::Anchor { axis } => Path::Anchor { unit: unit(axis) },
+        Unknown::Effect { effect, value } => Path::Effect { effect, value },
+    };
+    unknowns.iter().map(path).collect()
+}
+
+/// The forward model at one observation, with everything that derivatives need.
+pub struct Evaluator<'a> {
+    arm: &'a ArmModel,
+    sigmas: Sigmas,
+    q: Vec<f64>,
+    frames: Vec<Frame<f64>>,
+    moments: Vec<Vector3<f64>>,
+    forces: Vec<Vector3<f64>>,
+    rigid: Pose<f64>,
+    pose: Pose<f64>,
+}
+
+impl<'a> Evaluator<'a> {
+    /// For `arm` as it is now.
+    pub fn new(arm: &'a ArmModel, sigmas: Sigmas) -> Self {
+        let n = arm.joint_count();
+        Self {
+            arm,
+            sigmas,
+            q: vec![0.0; n],
+            frames: vec![Frame::identity(); n],
+            moments: vec![Vector3::zeros(); n],
+            forces: vec![Vector3::zeros(); n],
+            rigid: Pose::identity(),
+            pose: Pose::identity(),
+        }
+    }
+
+    /// Moves to readings `q` under the given conditions; returns the predicted tool pose in
+    /// the world of `session`.
+    pub fn go(
+        &mut self,
+        session: usize,
+        q: &[f64],
+        direction: &[f64],
+        ambient: &Ambient<f64>,
+    ) -> Pose<f64> {
+        let prediction = self.arm.view(session).predict(
+            q,
+            direction,
+            ambient,
+            &mut Scratch {
+                q: &mut self.q,
+                frames: &mut self.frames,
+                moments: &mut self.moments,
+                forces: &mut self.forces,
+            },
+        );
+        self.rigid = prediction.rigid;
+        self.pose = prediction.pose();
+        self.pose
+    }
+
+    /// Moves to an observation.
+    pub fn observe(&mut self, o: &Observation) -> Pose<f64> {
+        self.go(o.session, &o.q, &o.direction, &o.ambient)
+    }
+
+    /// Measured minus predicted over sigma, into `out` (one entry an equation).
+    pub fn residual(&self, o: &Observation, out: &mut [f64]) {
+        let mut rows = out.iter_mut();
+        let mut push = |v: Vector3<f64>, sigma: f64| {
+            for (x, out) in v.iter().zip(rows.by_ref()) {
+                *out = x / sigma;
+            }
+        };
+        let s = &self.sigmas;
+        if let Some(position) = o.position {
+            push(position - self.pose.translation, s.position);
+        }
+        if let Some(rotation) = o.rotation {
+            let turn = Pose::new(rotation * self.pose.rotation.transpose(), Vector3::zeros());
+            push(turn.rotation_vector(), s.orientation);
+        }
+        for (measured, offset) in o.targets.iter().zip(&self.arm.targets) {
+            if let Some(measured) = measured {
+                push(measured - self.pose.point(offset), s.position);
+            }
+        }
+        if let Some(length) = o.length {
+            let predicted = (self.pose.translation - self.arm.anchor).norm();
+            if let Some(out) = rows.next() {
+                *out = (length - predicted) / s.length;
+            }
+        }
+    }
+
+    /// What a displacement of the tool (world axes at the tool point) does to the prediction
+    /// of an observation, over sigma, into `out`.
+    pub fn spread(&self, o: &Observation, twist: &Twist<f64>, out: &mut [f64]) {
+        let mut rows = out.iter_mut();
+        let mut push = |v: Vector3<f64>, sigma: f64| {
+            let scale = 1.0 / sigma;
+            for (x, out) in v.iter().zip(rows.by_ref()) {
+                *out = x * scale;
+            }
+        };
+        let s = &self.sigmas;
+        if o.position.is_some() {
+            push(twist.linear, s.position);
+        }
+        if o.rotation.is_some() {
+            push(twist.angular, s.orientation);
+        }
+        for (measured, offset) in o.targets.iter().zip(&self.arm.targets) {
+            if measured.is_some() {
+                push(twist.at(&(self.pose.rotation * offset)).linear, s.position);
+            }
+        }
+        if o.length.is_some() {
+            let d = self.pose.translation - self.arm.anchor;
+            if let Some(out) = rows.next() {
+                *out = d.dot(&twist.linear) / (d.norm().max(1e-9) * s.length);
+            }
+        }
+    }
+
+    /// Displacement of the tool per unit of what is added to the reading of joint `j`.
+    pub fn joint_twist(&self, j: usize) -> Twist<f64> {
+        reading_column(self.arm.baked(), &self.frames, j, &self.pose.translation)
+    }
+
+    /// Displacement of the tool per unit of each value of an effect, whether or not it is in
+    /// the arm's list, at the observation last moved to.
+    pub fn effect_twists(
+        &mut self,
+        o: &Observation,
+        effect: &Effect<'_, f64>,
+        mut each: impl FnMut(usize, Twist<f64>),
+    ) {
+        let model = effect.model();
+        let count = model.values().len();
+        match model.stage() {
+            Stage::Reading => {
+                let column = match model.joint() {
+                    Some(j) => self.joint_twist(j),
+                    None => Twist::zero(),
+                };
+                let at = Reading {
+                    q: &o.q,
+                    direction: &o.direction,
+                    ambient: &o.ambient,
+                };
+                for k in 0..count {
+                    each(k, column.scaled(model.reading_partial(k, &at)));
+                }
+            }
+            Stage::Posture => {
+                let rigid = self.rigid;
+                let mut scratch = Scratch {
+                    q: &mut self.q,
+                    frames: &mut self.frames,
+                    moments: &mut self.moments,
+                    forces: &mut self.forces,
+                };
+                self.arm.view(o.session).with_posture(
+                    &o.q,
+                    &o.direction,
+                    &o.ambient,
+                    &rigid,
+                    &mut scratch,
+                    |at| {
+                        for k in 0..count {
+                            let d = model.posture_partial(k, at);
+                            each(k, d.twist.at(&(rigid.translation - d.origin)));
+                        }
+                    },
+                );
+            }
+        }
+    }
+
+    fn column(&mut self, o: &Observation, path: &Path, out: &mut [f64]) {
+        let p = self.pose.translation;
+        match path {
+            Path::Base { session, unit } => {
+                if *session == o.session {
+                    let arm = p - self.arm.bases[*session].translation;
+                    self.spread(o, &unit.at(&arm), out);
+                } else {
+                    out.fill(0.0);
+                }
+            }
+            Path::Attached(twists) => {
+                let base = self.arm.baked_base(o.session);
+                let mut sum = Twist::zero();
+                for twist in twists.iter().flatten() {
+                    sum = sum.plus(&twist.column(base, &self.frames, &p));
+                }
+                self.spread(o, &sum, out);
+            }
+            Path::Target { target, unit } => {
+                out.fill(0.0);
+                let mut at =
+                    3 * usize::from(o.position.is_some()) + 3 * usize::from(o.rotation.is_some());
+                for (i, measured) in o.targets.iter().enumerate() {
+                    if measured.is_none() {
+                        continue;
+                    }
+                    if i == *target {
+                        let v = self.pose.rotation * unit / self.sigmas.position;
+                        out[at..at + 3].copy_from_slice(v.as_slice());
+                    }
+                    at += 3;
+                }
+            }
+            Path::Anchor { unit } => {
+                out.fill(0.0);
+                if o.length.is_some() {
+                    let d = p - self.arm.anchor;
+                    if let Some(last) = out.last_mut() {
+                        *last = -d.dot(unit) / (d.norm().max(1e-9) * self.sigmas.length);
+                    }
+                }
+            }
+            Path::Effect { effect, value } => {
+                out.fill(0.0);
+                if let Some(effect) = self.arm.effects.get(*effect) {
+                    let effect = *effect;
+                    let mut found = Twist::zero();
+                    self.effect_twists(o, &effect, |k, twist| {
+                        if k == *value {
+                            found = twist;
+                        }
+                    });
+                    self.spread(o, &found, out);
+                }
+            }
+        }
+    }
+}
+
+/// Whitened residual and identification Jacobian of a set of observations; each column is
+/// scaled by what may be expected of its unknown.
+pub struct Linear {
+    /// Equations x unknowns, over sigma, per expected deviation.
+    pub jacobian: DMatrix<f64>,
+    /// Measured minus predicted over sigma.
+    pub residual: DVector<f64>,
+}
+
+/// Linearises the model around the arm as it is. `scales`: unit of each column, in the
+/// unknown's own unit.
+pub fn linearize(
+    arm: &ArmModel,
+    unknowns: &[Unknown],
+    scales: &[f64],
+    observations: &[&Observation],
+    sigmas: Sigmas,
+) -> Linear {
+    let rows: usize = observations.iter().map(|o| o.equations()).sum();
+    let mut jacobian = DMatrix::zeros(rows, unknowns.len());
+    let mut residual = DVector::zeros(rows);
+    let paths = paths(arm, unknowns);
+    let mut evaluator = Evaluator::new(arm, sigmas);
+    let mut start = 0;
+    for o in observations {
+        let end = start + o.equations();
+        evaluator.observe(o);
+        evaluator.residual(o, &mut residual.as_mut_slice()[start..end]);
+        for (k, (path, scale)) in paths.iter().zip(scales).enumerate() {
+            let column = &mut jacobian.as_mut_slice()[k * rows + start..k * rows + end];
+            evaluator.column(o, path, column);
+            for x in column {
+                *x *= scale;
+            }
+        }
+        start = end;
+    }
+    Linear { jacobian, residual }
+}
+
+/// Whitened residual alone.
+pub fn residuals(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> DVector<f64> {
+    let rows: usize = observations.iter().map(|o| o.equations()).sum();
+    let mut residual = DVector::zeros(rows);
+    let mut evaluator = Evaluator::new(arm, sigmas);
+    let mut start = 0;
+    for o in observations {
+        let end = start + o.equations();
+        evaluator.observe(o);
+        evaluator.residual(o, &mut residual.as_mut_slice()[start..end]);
+        start = end;
+    }
+    residual
+}

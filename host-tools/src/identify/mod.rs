@@ -1,0 +1,289 @@
+//! From measured poses to the arm's real geometry.
+//!
+//! 1. align: where the instrument stands and what the tool is, geometry as drawn ([`align`]);
+//! 2. which parameters make a complete model ([`structure`]), and which of them these poses
+//!    can tell apart ([`solve::distinguishable`]);
+//! 3. fit ([`solve`]), leave gross rows out, fit again; with named effects once more.
+
+pub mod align;
+pub mod arm;
+pub mod assess;
+pub mod factor;
+pub mod gross;
+pub mod linearize;
+pub mod observation;
+pub mod problem;
+pub mod solve;
+pub mod structure;
+pub mod unknown;
+
+use align::{first_guess, turn_tool_to_targets};
+use arm::ArmModel;
+use factor::Dropped;
+use gross::gross;
+use observation::{Observation, Sigmas};
+use problem::Problem;
+use solve::{Solved, distinguishable, solve};
+use structure::{Structure, structure};
+use unknown::Unknown;
+
+/// An arm and the fit that made it.
+#[derive(Clone, Debug)]
+pub struct Stage {
+    /// The arm.
+    pub arm: ArmModel,
+    /// The fit.
+    pub fit: Solved,
+}
+
+/// What became of one parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Status {
+    /// Fitted.
+    Identified,
+    /// Kept at the drawing's value, with the reason.
+    Fixed(String),
+    /// Kept at the drawing's value since only a combination shows, with the others' names.
+    Merged(String),
+}
+
+/// Result of [`identify`].
+#[derive(Clone, Debug)]
+pub struct Calibration {
+    /// Base, tool, targets and anchor aligned, geometry as drawn.
+    pub nominal: Stage,
+    /// Geometry identified.
+    pub geometric: Stage,
+    /// Geometry and effects; the geometric stage where no effect was asked for.
+    pub complete: Stage,
+    /// The complete model.
+    pub structure: Structure,
+    /// Every parameter and what became of it, in the order of reports.
+    pub statuses: Vec<(Unknown, Status)>,
+    /// Data rows left out as gross errors.
+    pub rejected: Vec<usize>,
+}
+
+/// Why an identification could not be done.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Failure {
+    /// Fewer equations than a fit needs: found, needed.
+    TooFewEquations(usize, usize),
+    /// The alignment of base and tool did not converge.
+    NotAligned,
+    /// The fit did not converge.
+    NotConverged,
+}
+
+/// Placement unknowns that the data can show at all.
+fn placement(problem: &Problem) -> Vec<Unknown> {
+    let mut unknowns = Vec::new();
+    for session in 0..problem.sessions.len().max(1) {
+        unknowns.extend((0..6).map(|axis| Unknown::Base { session, axis }));
+    }
+    if problem.identify.iter().any(|o| o.length.is_some()) {
+        unknowns.extend((0..3).map(|axis| Unknown::Anchor { axis }));
+    }
+    // the tool's turn last: further targets that are free show where they are, not it
+    unknowns.extend((0..3).map(|axis| Unknown::Tool { axis }));
+    let targets = problem.identify.iter().map(|o| o.targets.len()).max();
+    for target in 0..targets.unwrap_or(0) {
+        unknowns.extend((0..3).map(|axis| Unknown::Target { target, axis }));
+    }
+    unknowns.extend((3..6).map(|axis| Unknown::Tool { axis }));
+    unknowns
+}
+
+fn fit(
+    arm: &mut ArmModel,
+    candidates: &[Unknown],
+    observations: &[&Observation],
+    sigmas: Sigmas,
+) -> (Solved, Vec<(Unknown, Dropped)>) {
+    let selection = distinguishable(arm, candidates, observations, sigmas);
+    let kept: Vec<Unknown> = selection.kept.iter().map(|&k| candidates[k]).collect();
+    let fit = solve(arm, &kept, observations, sigmas);
+    let dropped = selection
+        .dropped
+        .into_iter()
+        .map(|(k, why)| (candidates[k], why))
+        .collect();
+    (fit, dropped)
+}
+
+/// Aligns base, tool, targets and anchor to the drawn geometry, from several first guesses
+/// of the tool where the drawing's is far off.
+pub fn align(problem: &Problem) -> Result<Stage, Failure> {
+    let observations: Vec<&Observation> = problem.identify.iter().collect();
+    let candidates = placement(problem);
+    let drawn = problem.drawing.tool.translation;
+    let far = 0.3;
+    let mut guesses = vec![drawn];
+    for axis in 0..3 {
+        for sign in [1.0, -1.0] {
+            let mut guess = drawn;
+            guess[axis] += sign * far;
+            guesses.push(guess);
+        }
+    }
+    let mut best: Option<Stage> = None;
+    for guess in guesses {
+        let mut arm = problem.drawing.clone();
+        arm.targets = problem.target_offsets.clone();
+        first_guess(&mut arm, &observations, guess, problem.sessions.len());
+        let (fit, _) = fit(&mut arm, &candidates, &observations, problem.sigmas);
+        let better = best.as_ref().is_none_or(|b| fit.cost < b.fit.cost);
+        if better && fit.cost.is_finite() {
+            let stage = Stage { arm, fit };
+            // A drawing is right to a few millimetres; then no other guess is needed.
+            let good = typical_distance(&stage, &observations) < 0.01;
+            best = Some(stage);
+            if good {
+                break;
+            }
+        }
+    }
+    best.ok_or(Failure::NotAligned)
+}
+
+fn typical_distance(stage: &Stage, observations: &[&Observation]) -> f64 {
+    let mut distances = assess::errors(&stage.arm, observations).distances;
+    distances.sort_by(f64::total_cmp);
+    distances.get(distances.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Identifies the arm's geometry, and the problem's effects with it.
+pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
+    let equations: usize = problem.identify.iter().map(Observation::equations).sum();
+    let all: Vec<&Observation> = problem.identify.iter().collect();
+    let mut nominal = align(problem)?;
+    turn_tool_to_targets(&mut nominal.arm, &problem.target_offsets);
+
+    let structure = structure(&nominal.arm, problem.sigmas);
+    let mut candidates = placement(problem);
+    for unknown in &structure.unknowns {
+        if !candidates.contains(unknown) {
+            candidates.push(*unknown);
+        }
+    }
+    if equations < candidates.len() {
+        return Err(Failure::TooFewEquations(equations, candidates.len()));
+    }
+
+    // Gross rows first spoil the fit that shows them: leave out, fit, look at all rows again.
+    let mut kept_rows = all.clone();
+    let mut left_out: Vec<usize> = Vec::new();
+    let mut geometric = nominal.arm.clone();
+    let (mut solved, mut dropped) = fit(&mut geometric, &candidates, &kept_rows, problem.sigmas);
+    for _ in 0..5 {
+        let worst = gross(&geometric, &all, problem.sigmas);
+        if worst == left_out {
+            break;
+        }
+        kept_rows = (0..all.len())
+            .filter(|i| !worst.contains(i))
+            .map(|i| all[i])
+            .collect();
+        left_out = worst;
+        (solved, dropped) = fit(&mut geometric, &candidates, &kept_rows, problem.sigmas);
+    }
+    turn_tool_to_targets(&mut geometric, &problem.target_offsets);
+    if !solved.converged {
+        return Err(Failure::NotConverged);
+    }
+    let geometric = Stage {
+        arm: geometric,
+        fit: solved,
+    };
+    let complete = if problem.effects.is_empty() {
+        geometric.clone()
+    } else {
+        let mut arm = geometric.arm.clone();
+        arm.effects = problem.effects.clone();
+        let mut with_effects = candidates.clone();
+        for (effect, e) in problem.effects.iter().enumerate() {
+            with_effects.extend(
+                (0..e.model().values().len()).map(|value| Unknown::Effect { effect, value }),
+            );
+        }
+        let (fit, also) = fit(&mut arm, &with_effects, &kept_rows, problem.sigmas);
+        if !fit.converged {
+            return Err(Failure::NotConverged);
+        }
+        turn_tool_to_targets(&mut arm, &problem.target_offsets);
+        candidates = with_effects;
+        dropped = also;
+        Stage { arm, fit }
+    };
+    let statuses = statuses(&complete, &structure, &candidates, &dropped);
+    Ok(Calibration {
+        nominal,
+        geometric,
+        complete,
+        structure,
+        statuses,
+        rejected: left_out.iter().map(|&i| all[i].row).collect(),
+    })
+}
+
+fn names(arm: &ArmModel, parts: &[(usize, f64)], of: &[Unknown]) -> String {
+    let named: Vec<String> = parts
+        .iter()
+        .filter_map(|&(k, _)| of.get(k))
+        .map(|u| u.name(arm))
+        .collect();
+    named.join(", ")
+}
+
+/// What became of every parameter that the description has.
+fn statuses(
+    stage: &Stage,
+    structure: &Structure,
+    candidates: &[Unknown],
+    dropped: &[(Unknown, Dropped)],
+) -> Vec<(Unknown, Status)> {
+    let arm = &stage.arm;
+    let mut statuses: Vec<(Unknown, Status)> = Vec::new();
+    let reason = |why: &Dropped, of: &[Unknown], when: &str| match why {
+        Dropped::Invisible => Status::Fixed(format!("does not show in {when}")),
+        Dropped::Dependent(parts) => Status::Merged(format!(
+            "in {when} only its combination with {} shows; they carry it",
+            names(arm, parts, of)
+        )),
+    };
+    for unknown in candidates {
+        let status = match dropped.iter().find(|(u, _)| u == unknown) {
+            Some((_, why)) => reason(why, candidates, "these measurements"),
+            None => Status::Identified,
+        };
+        statuses.push((*unknown, status));
+    }
+    for (unknown, why) in &structure.dropped {
+        statuses.push((
+            *unknown,
+            reason(why, &structure.candidates, "any measurement"),
+        ));
+    }
+    for pair in &structure.parallel {
+        let unknown = Unknown::Joint(pair.joint, truepose::Parameter::D);
+        statuses.push((
+            unknown,
+            Status::Fixed(format!(
+                "axes {} and {} are {:.3} deg from parallel: beta in its place (Hayati)",
+                pair.first + 1,
+                pair.first + 2,
+                pair.angle.to_degrees()
+            )),
+        ));
+    }
+    let order = |u: &Unknown| match *u {
+        Unknown::Base { session, axis } => (0, session, axis),
+        Unknown::Joint(j, p) => (1, j, p as usize),
+        Unknown::Tool { axis } => (2, 0, axis),
+        Unknown::Target { target, axis } => (3, target, axis),
+        Unknown::Anchor { axis } => (4, 0, axis),
+        Unknown::Effect { effect, value } => (5, effect, value),
+    };
+    statuses.sort_by_key(|(u, _)| order(u));
+    statuses
+}

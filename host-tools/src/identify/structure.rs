@@ -1,0 +1,170 @@
+//! Which parameters make a complete model of this arm, and no more: 4R + 2P + 6.
+//!
+//! A complete model has four parameters a revolute joint, two a prismatic one, and six for
+//! base and tool together (MRD 2.95). Every convention is brought there the same way: all
+//! parameters that the description knows are candidates, and columns of the identification
+//! Jacobian that are combinations of others at *every* pose are left out, base and tool
+//! first in priority. Nearly parallel neighbours get Hayati's beta in place of d, which
+//! moves without bound as the axes come parallel.
+
+use nalgebra::{DMatrix, Vector3};
+use truepose::effects::Ambient;
+use truepose::{Convention, JointKind, Parameter, Pose};
+
+use super::arm::ArmModel;
+use super::factor::{Dropped, Selection, select};
+use super::linearize::linearize;
+use super::observation::{Observation, Sigmas};
+use super::unknown::Unknown;
+
+/// Axes closer than this are nearly parallel, rad.
+pub const NEARLY_PARALLEL: f64 = 5.0 * std::f64::consts::PI / 180.0;
+
+/// A pair of neighbouring joints that were given beta in place of d.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearlyParallel {
+    /// Joint whose d is kept at the drawing's value (from 0).
+    pub joint: usize,
+    /// First of the two axes (from 0).
+    pub first: usize,
+    /// Angle between the axes, rad.
+    pub angle: f64,
+}
+
+/// Candidates of the geometric model in order of priority, base and tool first.
+#[derive(Clone, Debug)]
+pub struct Structure {
+    /// Parameters that are told apart by some set of poses.
+    pub unknowns: Vec<Unknown>,
+    /// Parameters that no set of poses can tell from those: index in `candidates`, reason.
+    pub dropped: Vec<(Unknown, Dropped)>,
+    /// All candidates; `Dropped::Dependent` counts in these.
+    pub candidates: Vec<Unknown>,
+    /// Neighbours treated after Hayati.
+    pub parallel: Vec<NearlyParallel>,
+}
+
+fn nearly_parallel(arm: &ArmModel) -> Vec<NearlyParallel> {
+    let mut found = Vec::new();
+    for (i, baked) in arm.baked().iter().enumerate() {
+        let Some(next) = arm.joints.get(i + 1) else {
+            continue;
+        };
+        let angle = baked.sin_alpha.abs().asin();
+        let revolute =
+            arm.joints[i].kind == JointKind::Revolute && next.kind == JointKind::Revolute;
+        // d of the joint after the pair in Craig's form, of the joint before it otherwise
+        let joint = match (arm.joints[i].convention, next.convention) {
+            (Convention::ZeroReference, _) | (_, Convention::ZeroReference) => continue,
+            (_, Convention::Mdh) => i + 1,
+            _ => i,
+        };
+        if revolute && angle < NEARLY_PARALLEL {
+            found.push(NearlyParallel {
+                joint,
+                first: i,
+                angle,
+            });
+        }
+    }
+    found
+}
+
+/// Finds the complete, minimal set of parameters.
+pub fn structure(arm: &ArmModel, sigmas: Sigmas) -> Structure {
+    let parallel = nearly_parallel(arm);
+    let mut candidates: Vec<Unknown> = (0..6)
+        .map(|axis| Unknown::Base { session: 0, axis })
+        .collect();
+    candidates.extend((0..6).map(|axis| Unknown::Tool { axis }));
+    for (j, joint) in arm.joints.iter().enumerate() {
+        let hayati = parallel.iter().any(|p| p.joint == j);
+        let zero_reference = joint.convention == Convention::ZeroReference;
+        let mut parameters = joint.parameters().to_vec();
+        // what a person would rather see identified comes first
+        parameters.sort_by_key(|p| match p {
+            Parameter::A => 0,
+            Parameter::Alpha => 1,
+            Parameter::Beta => 2,
+            Parameter::AxisX | Parameter::AxisY => 3,
+            Parameter::PointX | Parameter::PointY => 4,
+            Parameter::Theta => 5,
+            Parameter::D => 6,
+        });
+        for p in parameters {
+            let wanted = match p {
+                Parameter::D => !hayati,
+                Parameter::Beta => hayati,
+                _ => true,
+            };
+            if wanted || zero_reference {
+                candidates.push(Unknown::Joint(j, p));
+            }
+        }
+    }
+    let poses = generic_poses(arm, 12);
+    let references: Vec<&Observation> = poses.iter().collect();
+    let scales = vec![1.0; candidates.len()];
+    let unit = Sigmas {
+        position: 1.0,
+        orientation: 1.0,
+        ..sigmas
+    };
+    let linear = linearize(arm, &candidates, &scales, &references, unit);
+    // Columns are of order one per pose; dependent ones leave rounding, independent ones at
+    // least the angle that keeps axes from being nearly parallel.
+    let Selection { kept, dropped } = select(&linear.jacobian, 1e-9, 1e-7);
+    Structure {
+        unknowns: kept.iter().map(|&k| candidates[k]).collect(),
+        dropped: dropped
+            .into_iter()
+            .map(|(k, why)| (candidates[k], why))
+            .collect(),
+        candidates,
+        parallel,
+    }
+}
+
+/// Full poses at readings spread evenly and irregularly over a turn (or half a metre):
+/// multiples of the square roots of primes, modulo one (Weyl's sequence).
+fn generic_poses(arm: &ArmModel, count: usize) -> Vec<Observation> {
+    const PRIMES: [f64; 12] = [2., 3., 5., 7., 11., 13., 17., 19., 23., 29., 31., 37.];
+    let reading = |pose: usize, j: usize| {
+        let prime = PRIMES[j % PRIMES.len()] + 40.0 * (j / PRIMES.len()) as f64;
+        let unit = ((pose + 1) as f64 * prime.sqrt()).fract() - 0.5;
+        match arm.joints[j].kind {
+            JointKind::Revolute => unit * std::f64::consts::TAU,
+            JointKind::Prismatic => unit,
+        }
+    };
+    let n = arm.joint_count();
+    (0..count)
+        .map(|pose| Observation {
+            row: pose,
+            q: (0..n).map(|j| reading(pose, j)).collect(),
+            direction: vec![0.0; n],
+            ambient: Ambient::default(),
+            session: 0,
+            position: Some(Vector3::zeros()),
+            rotation: Some(Pose::<f64>::identity().rotation),
+            targets: Vec::new(),
+            length: None,
+        })
+        .collect()
+}
+
+/// 4R + 2P + 6.
+pub fn complete_count(arm: &ArmModel) -> usize {
+    let each = |joint: &truepose::Joint<f64>| match joint.kind {
+        JointKind::Revolute => 4,
+        JointKind::Prismatic => 2,
+    };
+    arm.joints.iter().map(each).sum::<usize>() + 6
+}
+
+/// Singular values of a factor, largest first, for condition numbers.
+pub fn singular_values(r: &DMatrix<f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = r.clone().singular_values().iter().copied().collect();
+    values.sort_by(|a, b| b.total_cmp(a));
+    values
+}

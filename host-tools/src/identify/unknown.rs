@@ -1,0 +1,185 @@
+//! The parameters of an arm model, one by one: name, unit, value, and how to change it.
+
+use nalgebra::Vector3;
+use truepose::{Parameter, Pose};
+
+use super::arm::ArmModel;
+
+/// One scalar that a fit may change. Axes count 0 to 2 for x, y, z, and 3 to 5 for turns
+/// about them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unknown {
+    /// Placement `session` of the robot base; world axes, turns about the base's origin.
+    Base {
+        /// Placement of the instrument, from 0.
+        session: usize,
+        /// 0 to 5.
+        axis: usize,
+    },
+    /// The tool in the last link; the link's distal axes, turns about the tool point.
+    Tool {
+        /// 0 to 5.
+        axis: usize,
+    },
+    /// A parameter of a joint (from 0).
+    Joint(usize, Parameter),
+    /// Offset of a further target (from 0) along a tool axis.
+    Target {
+        /// 0 is the target of columns `x2`, `y2`, `z2`.
+        target: usize,
+        /// 0 to 2.
+        axis: usize,
+    },
+    /// Fixed end of the wire or bar, world axis.
+    Anchor {
+        /// 0 to 2.
+        axis: usize,
+    },
+    /// A value of an effect.
+    Effect {
+        /// Index of the effect.
+        effect: usize,
+        /// Index of the value.
+        value: usize,
+    },
+}
+
+const AXES: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
+
+impl Unknown {
+    /// As it stands in reports, joints counted from 1.
+    pub fn name(&self, arm: &ArmModel) -> String {
+        match *self {
+            Self::Base { session: 0, axis } => format!("base {}", AXES[axis]),
+            Self::Base { session, axis } => {
+                format!("base {} of placement {}", AXES[axis], session + 1)
+            }
+            Self::Tool { axis } => format!("tool {}", AXES[axis]),
+            Self::Joint(j, parameter) => format!("joint {} {}", j + 1, parameter.name()),
+            Self::Target { target, axis } => format!("target {} {}", target + 2, AXES[axis]),
+            Self::Anchor { axis } => format!("anchor {}", AXES[axis]),
+            Self::Effect { effect, value } => match arm.effects.get(effect) {
+                Some(effect) => {
+                    let model = effect.model();
+                    let name = model.parameters().get(value).map_or("", |p| p.0);
+                    match model.joint() {
+                        Some(j) => format!("joint {} {} {name}", j + 1, model.kind()),
+                        None => format!("base {} {name}", model.kind()),
+                    }
+                }
+                None => String::new(),
+            },
+        }
+    }
+
+    /// SI unit.
+    pub fn unit(&self, arm: &ArmModel) -> &'static str {
+        match *self {
+            Self::Base { axis, .. } | Self::Tool { axis } => {
+                if axis < 3 {
+                    "m"
+                } else {
+                    "rad"
+                }
+            }
+            Self::Joint(_, parameter) => parameter.unit(),
+            Self::Target { .. } | Self::Anchor { .. } => "m",
+            Self::Effect { effect, value } => arm
+                .effects
+                .get(effect)
+                .and_then(|e| e.model().parameters().get(value))
+                .map_or("", |p| p.1),
+        }
+    }
+
+    /// Present value. Turns of base and tool are fixed-axis roll, pitch and yaw.
+    pub fn value(&self, arm: &ArmModel) -> f64 {
+        let placed = |pose: &Pose<f64>, axis: usize| {
+            if axis < 3 {
+                pose.translation[axis]
+            } else {
+                pose.rpy()[axis - 3]
+            }
+        };
+        match *self {
+            Self::Base { session, axis } => arm.bases.get(session).map_or(0.0, |p| placed(p, axis)),
+            Self::Tool { axis } => placed(&arm.tool, axis),
+            Self::Joint(j, parameter) => arm.joints.get(j).map_or(0.0, |x| x.parameter(parameter)),
+            Self::Target { target, axis } => arm.targets.get(target).map_or(0.0, |p| p[axis]),
+            Self::Anchor { axis } => arm.anchor[axis],
+            Self::Effect { effect, value } => arm
+                .effects
+                .get(effect)
+                .and_then(|e| e.model().values().get(value).copied())
+                .unwrap_or(0.0),
+        }
+    }
+
+    /// How far it may be expected from the drawing, in its unit: what one column is scaled
+    /// by. A placement may be anywhere.
+    pub fn expected(&self, arm: &ArmModel) -> f64 {
+        match *self {
+            Self::Base { .. } | Self::Tool { .. } | Self::Target { .. } | Self::Anchor { .. } => {
+                1.0
+            }
+            // 0.5 mm and 0.5 mrad: a well-made arm
+            Self::Joint(..) => 5e-4,
+            Self::Effect { .. } => match self.unit(arm) {
+                "rad" | "m" => 1e-3,
+                "rad/(N m)" => 1e-4,
+                _ => 5e-3,
+            },
+        }
+    }
+}
+
+/// Adds `step` (in the unknowns' units) to the arm and bakes it again.
+pub fn apply(arm: &mut ArmModel, unknowns: &[Unknown], step: &[f64]) {
+    let sessions = arm.bases.len();
+    let mut base_turns = vec![Vector3::<f64>::zeros(); sessions];
+    let mut tool_turn = Vector3::<f64>::zeros();
+    for (unknown, &delta) in unknowns.iter().zip(step) {
+        match *unknown {
+            Unknown::Base { session, axis } if session < sessions => {
+                if axis < 3 {
+                    arm.bases[session].translation[axis] += delta;
+                } else {
+                    base_turns[session][axis - 3] += delta;
+                }
+            }
+            Unknown::Base { .. } => {}
+            Unknown::Tool { axis } => {
+                if axis < 3 {
+                    arm.tool.translation[axis] += delta;
+                } else {
+                    tool_turn[axis - 3] += delta;
+                }
+            }
+            Unknown::Joint(j, parameter) => {
+                if let Some(joint) = arm.joints.get_mut(j) {
+                    *joint.parameter_mut(parameter) += delta;
+                }
+            }
+            Unknown::Target { target, axis } => {
+                if let Some(point) = arm.targets.get_mut(target) {
+                    point[axis] += delta;
+                }
+            }
+            Unknown::Anchor { axis } => arm.anchor[axis] += delta,
+            Unknown::Effect { effect, value } => {
+                if let Some(value) = arm
+                    .effects
+                    .get_mut(effect)
+                    .and_then(|e| e.model_mut().values_mut().get_mut(value))
+                {
+                    *value += delta;
+                }
+            }
+        }
+    }
+    for (base, turn) in arm.bases.iter_mut().zip(&base_turns) {
+        base.rotation = Pose::from_rotation_vector(turn).rotation * base.rotation;
+    }
+    arm.tool.rotation = Pose::from_rotation_vector(&tool_turn).rotation * arm.tool.rotation;
+    arm.bake();
+}
