@@ -1,8 +1,9 @@
 //! The nominal robot, as its drawing and its controller describe it.
 //!
-//! A TOML file in the project's own form comes out as a [`Robot`].
+//! A TOML file in the project's own form or a URDF file; both come out as a [`Robot`].
 
 mod toml;
+mod urdf;
 mod zero_reference;
 
 use std::path::{Path, PathBuf};
@@ -10,7 +11,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::Vector3;
 use truepose::{Joint, JointKind, LinkMass, Pose};
 
-use crate::error::{Error, read_text};
+use crate::error::{Error, Place, read_text};
 
 /// A robot as described, in m and rad.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,10 +49,26 @@ pub struct RobotJoint {
 pub const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 
 impl Robot {
-    /// Reads a description, TOML or URDF, whichever the file holds.
+    /// Reads a description, TOML or URDF, whichever the file holds. `arm.urdf#LINK` ends the
+    /// arm at that link of a URDF file.
     pub fn read(file: &Path) -> Result<Self, Error> {
-        let text = read_text(file)?;
-        toml::parse(file, &text)
+        let name = file.to_string_lossy();
+        let (path, tip) = match name.rsplit_once('#') {
+            Some((path, tip)) if !file.exists() => (Path::new(path), Some(tip)),
+            _ => (file, None),
+        };
+        let text = read_text(path)?;
+        if urdf::is_xml(&text) {
+            return urdf::parse(path, &text, tip);
+        }
+        if let Some(tip) = tip {
+            return Err(Place::file(path).bad(
+                format!("TOML, and #{tip} after its name"),
+                "a URDF file where a link is named",
+                "leave the link out: a TOML file describes one arm",
+            ));
+        }
+        toml::parse(path, &text)
     }
 
     /// Joints without what else is known of them.
