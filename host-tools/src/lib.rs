@@ -6,5 +6,6 @@ pub mod error;
 pub mod identify;
 mod keys;
 pub mod measurement;
+pub mod output;
 mod units;
 pub mod warning;

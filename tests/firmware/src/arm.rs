@@ -3,7 +3,8 @@
 use core::f64::consts::FRAC_PI_2;
 
 use nalgebra::Vector3;
-use truepose::{Joint, JointKind, Pose};
+use truepose::model::BakedChain;
+use truepose::{BakedJoint, Joint, JointKind, LinkMass, Pose, bake};
 
 use crate::draws::Draws;
 
@@ -65,4 +66,25 @@ pub fn built() -> Arm {
         *pose = pose.then(&moved);
     }
     arm
+}
+
+/// In the form that the loop computes with.
+pub fn baked(arm: &Arm) -> BakedChain<f64, JOINTS> {
+    let mut joints = [BakedJoint::identity(); JOINTS];
+    let mut gauges = [Pose::identity(); JOINTS];
+    let masses = [LinkMass::none(); JOINTS];
+    let (base, tool) = bake(
+        &arm.base,
+        &arm.joints,
+        &masses,
+        &arm.tool,
+        &mut joints,
+        &mut gauges,
+    );
+    BakedChain {
+        base,
+        joints,
+        tool,
+        gravity: Vector3::new(0.0, 0.0, -9.81),
+    }
 }

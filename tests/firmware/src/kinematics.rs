@@ -2,7 +2,7 @@
 
 use core::fmt::{self, Write};
 
-use truepose::{BakedJoint, Frame, LinkMass, Pose, bake, forward};
+use truepose::{Frame, forward};
 
 use crate::arm::{self, JOINTS, TRAVEL};
 use crate::draws::Draws;
@@ -13,24 +13,12 @@ pub const POSES: usize = 64;
 /// Bakes the arm as built, runs through [`POSES`] random poses and writes the bits of each
 /// tool pose: nine entries of the rotation by columns, then the translation (m).
 pub fn print(out: &mut dyn Write) -> fmt::Result {
-    let arm = arm::built();
-    let mut baked = [BakedJoint::<f64>::identity(); JOINTS];
-    let mut gauges = [Pose::<f64>::identity(); JOINTS];
-    let (base, tool) = bake(
-        &arm.base,
-        &arm.joints,
-        &[LinkMass::none(); JOINTS],
-        &arm.tool,
-        &mut baked,
-        &mut gauges,
-    );
-    let joints = baked.map(|joint| joint.cast::<f32>());
-    let (base, tool) = (base.cast::<f32>(), tool.cast::<f32>());
+    let chain = arm::baked(&arm::built()).cast::<f32>();
     let mut frames = [Frame::identity(); JOINTS];
     let mut draws = Draws::seeded(1);
     for _ in 0..POSES {
         let q = TRAVEL.map(|travel| travel * draws.symmetric());
-        let pose = forward(&base, &joints, &q, &mut frames).then(&tool);
+        let pose = forward(&chain.base, &chain.joints, &q, &mut frames).then(&chain.tool);
         for x in pose.rotation.iter().chain(pose.translation.iter()) {
             write!(out, "{:08x} ", x.to_bits())?;
         }

@@ -8,6 +8,7 @@
 pub mod arm;
 #[cfg(target_os = "none")]
 pub mod board;
+pub mod cost;
 pub mod draws;
 pub mod kinematics;
 
