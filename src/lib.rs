@@ -8,11 +8,14 @@ pub mod effects;
 pub mod jacobian;
 mod joint;
 pub mod model;
+pub mod params;
 mod pose;
 mod scalar;
+mod settings;
 
 pub use chain::{BakedJoint, Frame, Gauge, LinkMass, bake, forward};
 pub use joint::{Convention, Joint, JointKind, Parameter, ParameterTwist};
 pub use model::{Arm, BakedChain, Model, Room, Scratch};
 pub use pose::{Pose, StoredPose, Twist};
 pub use scalar::Scalar;
+pub use settings::{Method, Settings};

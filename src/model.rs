@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 
 use crate::chain::{BakedJoint, Frame, forward};
 use crate::effects::{Ambient, Conditions, Effect, Posture, Reading, Stage, gravity_loads};
-use crate::{Pose, Scalar, Twist};
+use crate::{Pose, Scalar, Settings, Twist};
 
 /// Effects that one model can hold on the controller.
 pub const MAX_EFFECTS: usize = 64;
@@ -187,6 +187,8 @@ pub struct Model<'a, T: Scalar, const N: usize> {
     pub limits: [[T; 2]; N],
     /// Smallest step of each joint command, rad or m.
     pub resolution: [T; N],
+    /// How to compensate.
+    pub settings: Settings<T>,
 }
 
 /// Room for one evaluation of an arm with N joints.

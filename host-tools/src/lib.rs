@@ -1,6 +1,7 @@
 //! Identify a robot arm's real geometry from measured poses, find what is left, and write it
 //! as parameters for the controller.
 
+pub mod cell;
 pub mod description;
 pub mod error;
 pub mod identify;

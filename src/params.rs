@@ -1,0 +1,371 @@
+//! The blob: everything that the controller has to know of its arm, in one piece of bytes.
+//!
+//! `docs/BLOB.md` is the standard; this follows it. The host writes with [`Blob::encode`], the
+//! controller reads with [`decode`], whoever does not know the number of joints beforehand
+//! reads with [`Blob::decode`].
+
+mod error;
+mod numbers;
+
+use heapless::{String, Vec};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use crate::chain::{BakedJoint, Gauge, LinkMass, bake};
+use crate::effects::{self, Effect};
+use crate::model::{BakedChain, MAX_EFFECTS, Model};
+use crate::{Joint, Pose, Scalar, Settings, StoredPose};
+
+pub use error::BlobError;
+
+/// Joints that a blob can hold.
+pub const MAX_JOINTS: usize = 12;
+
+/// The layout that this version writes and reads.
+pub const LAYOUT: u16 = 1;
+
+/// First four bytes of every blob.
+pub const MAGIC: [u8; 4] = *b"TPB\0";
+
+/// Length of the header in bytes.
+pub const HEADER: usize = 16;
+
+/// Limits of a joint command that has none: as far as sine and cosine in `f32` are exact.
+pub const UNLIMITED: [f64; 2] = [-100.0, 100.0];
+
+/// The largest magnitude that any number in a blob may have.
+pub const LARGEST: f64 = 1e9;
+
+const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+
+/// An arm as it is described: base, joints with what gravity acts on, tool.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Description {
+    /// World to robot base.
+    pub base: StoredPose,
+    /// Base to tool.
+    pub joints: Vec<Joint<f64>, MAX_JOINTS>,
+    /// One a joint, in the link's distal frame.
+    pub masses: Vec<LinkMass<f64>, MAX_JOINTS>,
+    /// Last link's distal frame to tool.
+    pub tool: StoredPose,
+}
+
+/// Where the parameters come from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Provenance {
+    /// What wrote the blob, with its version.
+    pub tool: String<32>,
+    /// Name of the measurements.
+    pub data: String<64>,
+    /// Date of the measurements or of the fit, as its writer puts it; may be empty.
+    pub date: String<32>,
+    /// Rows that the fit used.
+    pub rows_identify: u32,
+    /// Rows held back from it.
+    pub rows_verify: u32,
+    /// Rms position error of the held-back rows with the nominal model, m.
+    pub rms_before: f64,
+    /// The same with the calibrated model, m.
+    pub rms_after: f64,
+}
+
+/// What a blob says, in the form that it is stored in. `'a`: the bytes, in which tables are
+/// read in place.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Blob<'a> {
+    /// Name of the robot.
+    pub robot: String<64>,
+    /// What the controller's own kinematics believe; base and tool aligned with the world.
+    pub nominal: Description,
+    /// The arm as identified: the same number and kinds of joints.
+    pub calibrated: Description,
+    /// Lower and upper limit of each joint command, rad or m.
+    pub limits: Vec<[f64; 2], MAX_JOINTS>,
+    /// Smallest step of each joint command, rad or m; 0 where unknown.
+    pub resolution: Vec<f64, MAX_JOINTS>,
+    /// Acceleration of gravity in the base frame, m/s^2.
+    pub gravity: [f64; 3],
+    /// What the rigid chain lacks.
+    #[serde(borrow)]
+    pub effects: Vec<Effect<'a, f64>, MAX_EFFECTS>,
+    /// How to compensate.
+    pub settings: Settings<f64>,
+    /// Where all this comes from.
+    pub provenance: Provenance,
+}
+
+impl Description {
+    /// Brings the description to baked form, each slice with one place a joint. Returns baked
+    /// base and tool.
+    pub fn bake(
+        &self,
+        baked: &mut [BakedJoint<f64>],
+        gauges: &mut [Gauge<f64>],
+    ) -> (Pose<f64>, Pose<f64>) {
+        let (base, tool) = (Pose::from(&self.base), Pose::from(&self.tool));
+        bake(&base, &self.joints, &self.masses, &tool, baked, gauges)
+    }
+
+    /// The baked chain of N joints. `gravity`: in the base frame, m/s^2; `gauges`: set as by
+    /// [`bake`]. `None` where the description has another number of joints.
+    pub fn chain<const N: usize>(
+        &self,
+        gravity: [f64; 3],
+        gauges: &mut [Gauge<f64>; N],
+    ) -> Option<BakedChain<f64, N>> {
+        if self.joints.len() != N {
+            return None;
+        }
+        let mut joints = [BakedJoint::identity(); N];
+        let (base, tool) = self.bake(&mut joints, gauges);
+        Some(BakedChain {
+            base,
+            joints,
+            tool,
+            gravity: Pose::from(&self.base).rotation * Vector3::from(gravity),
+        })
+    }
+
+    /// Lengths of all links and the tool added up, m: how far the arm can reach at most with
+    /// its slides drawn in.
+    pub fn reach(&self) -> f64 {
+        let mut baked = [BakedJoint::identity(); MAX_JOINTS];
+        let mut gauges = [Pose::identity(); MAX_JOINTS];
+        let (_, tool) = self.bake(&mut baked, &mut gauges);
+        let links: f64 = baked
+            .iter()
+            .map(|j| (j.tx * j.tx + j.ty * j.ty).root())
+            .sum();
+        links + tool.translation.norm_squared().root()
+    }
+}
+
+impl<'a> Blob<'a> {
+    /// Number of joints.
+    pub fn joints(&self) -> usize {
+        self.nominal.joints.len()
+    }
+
+    /// Writes header and body into `buffer` and returns the bytes used. Refuses what
+    /// [`Blob::decode`] would refuse.
+    pub fn encode<'b>(&self, buffer: &'b mut [u8]) -> Result<&'b [u8], BlobError> {
+        self.check()?;
+        let (header, body) = buffer
+            .split_at_mut_checked(HEADER)
+            .ok_or(BlobError::BufferTooSmall)?;
+        let length = postcard::to_slice(self, body)
+            .map_err(|_| BlobError::BufferTooSmall)?
+            .len();
+        let body = body.get(..length).ok_or(BlobError::BufferTooSmall)?;
+        let joints = u8::try_from(self.joints()).map_err(|_| BlobError::Body)?;
+        let size = u32::try_from(length).map_err(|_| BlobError::Body)?;
+        let fields = MAGIC
+            .into_iter()
+            .chain(LAYOUT.to_le_bytes())
+            .chain([joints, 0])
+            .chain(size.to_le_bytes())
+            .chain(CRC.checksum(body).to_le_bytes());
+        for (byte, value) in header.iter_mut().zip(fields) {
+            *byte = value;
+        }
+        buffer
+            .get(..HEADER + length)
+            .ok_or(BlobError::BufferTooSmall)
+    }
+
+    /// Reads a blob of any number of joints and checks every promise that `docs/BLOB.md`
+    /// makes of its contents.
+    pub fn decode(bytes: &'a [u8]) -> Result<Self, BlobError> {
+        let (joints, body) = open(bytes)?;
+        let (blob, rest) = postcard::take_from_bytes::<Self>(body).map_err(|_| BlobError::Body)?;
+        if !rest.is_empty() {
+            return Err(BlobError::Trailing { bytes: rest.len() });
+        }
+        if blob.joints() != joints {
+            return Err(BlobError::Joints {
+                found: blob.joints(),
+                expected: joints,
+            });
+        }
+        blob.check()?;
+        Ok(blob)
+    }
+
+    /// The model of N joints in the number type of the controller: baked in `f64`, rounded
+    /// once.
+    pub fn model<T: Scalar, const N: usize>(&self) -> Result<Model<'a, T, N>, BlobError> {
+        let wrong = BlobError::Joints {
+            found: self.joints(),
+            expected: N,
+        };
+        let mut limits = [[T::zero(); 2]; N];
+        for (to, from) in limits.iter_mut().zip(&self.limits) {
+            *to = from.map(T::of);
+        }
+        let mut resolution = [T::zero(); N];
+        for (to, from) in resolution.iter_mut().zip(&self.resolution) {
+            *to = T::of(*from);
+        }
+        let mut gauges = [Pose::identity(); N];
+        let nominal = self.nominal.chain::<N>(self.gravity, &mut gauges);
+        let calibrated = self.calibrated.chain::<N>(self.gravity, &mut gauges);
+        let (nominal, calibrated) = (nominal.ok_or(wrong)?, calibrated.ok_or(wrong)?);
+        let (base, tool) = (&self.calibrated.base, &self.calibrated.tool);
+        let attached = effects::Description {
+            base: &calibrated.base.inverse().then(&Pose::from(base)),
+            joints: &self.calibrated.joints,
+            gauges: &gauges,
+            tool: &Pose::from(tool),
+        };
+        Ok(Model {
+            nominal: nominal.cast(),
+            calibrated: calibrated.cast(),
+            effects: self
+                .effects
+                .iter()
+                .map(|effect| {
+                    let mut effect = *effect;
+                    effect.model_mut().attach(&attached);
+                    effect.cast()
+                })
+                .collect(),
+            limits,
+            resolution,
+            settings: self.settings.cast(),
+        })
+    }
+
+    /// Everything that `docs/BLOB.md` promises of the contents.
+    fn check(&self) -> Result<(), BlobError> {
+        let joints = self.joints();
+        if joints == 0 {
+            return Err(BlobError::Joints {
+                found: 0,
+                expected: 1,
+            });
+        }
+        for found in [
+            self.nominal.masses.len(),
+            self.calibrated.joints.len(),
+            self.calibrated.masses.len(),
+            self.limits.len(),
+            self.resolution.len(),
+        ] {
+            if found != joints {
+                return Err(BlobError::Joints {
+                    found,
+                    expected: joints,
+                });
+            }
+        }
+        numbers::check(self)?;
+        let pairs = self.nominal.joints.iter().zip(&self.calibrated.joints);
+        let masses = self.nominal.masses.iter().zip(&self.calibrated.masses);
+        for (j, ((nominal, calibrated), (m, n))) in pairs.zip(masses).enumerate() {
+            let joint = u8::try_from(j + 1).unwrap_or(u8::MAX);
+            if nominal.kind != calibrated.kind {
+                return Err(BlobError::Kind { joint });
+            }
+            for one in [nominal, calibrated] {
+                if (one.axis.norm_squared() - 1.0).abs() > 1e-6 {
+                    return Err(BlobError::Axis { joint });
+                }
+            }
+            if m.mass < 0.0 || n.mass < 0.0 {
+                return Err(BlobError::Mass { joint });
+            }
+        }
+        for (j, (limits, resolution)) in self.limits.iter().zip(&self.resolution).enumerate() {
+            let joint = u8::try_from(j + 1).unwrap_or(u8::MAX);
+            let [low, high] = *limits;
+            if !(low <= high && low >= UNLIMITED[0] && high <= UNLIMITED[1]) {
+                return Err(BlobError::Limits { joint });
+            }
+            if *resolution < 0.0 {
+                return Err(BlobError::Resolution { joint });
+            }
+        }
+        for (k, effect) in self.effects.iter().enumerate() {
+            if !effect.is_sound(joints) {
+                return Err(BlobError::Effect {
+                    effect: u8::try_from(k + 1).unwrap_or(u8::MAX),
+                });
+            }
+        }
+        if !self.settings.sound() {
+            return Err(BlobError::Settings);
+        }
+        Ok(())
+    }
+}
+
+/// Reads a blob on the controller.
+///
+/// `T`: number type of the loop, `N`: number of joints of the arm. Needs no heap; stack about
+/// the size of [`Blob`]. Anything wrong is refused by name, see [`BlobError`].
+///
+/// ```
+/// # fn f(flash: &[u8]) -> Result<(), truepose::params::BlobError> {
+/// let model = truepose::params::decode::<f32, 6>(flash)?;
+/// # Ok(()) }
+/// ```
+pub fn decode<T: Scalar, const N: usize>(bytes: &[u8]) -> Result<Model<'_, T, N>, BlobError> {
+    let (joints, _) = open(bytes)?;
+    if joints != N {
+        return Err(BlobError::Joints {
+            found: joints,
+            expected: N,
+        });
+    }
+    Blob::decode(bytes)?.model()
+}
+
+/// Checks header and checksum. Returns the number of joints and the body.
+fn open(bytes: &[u8]) -> Result<(usize, &[u8]), BlobError> {
+    let (header, body) = bytes
+        .split_first_chunk::<HEADER>()
+        .ok_or(BlobError::TooShort { bytes: bytes.len() })?;
+    let [
+        m0,
+        m1,
+        m2,
+        m3,
+        v0,
+        v1,
+        joints,
+        zero,
+        l0,
+        l1,
+        l2,
+        l3,
+        c0,
+        c1,
+        c2,
+        c3,
+    ] = *header;
+    if [m0, m1, m2, m3] != MAGIC {
+        return Err(BlobError::Magic);
+    }
+    let layout = u16::from_le_bytes([v0, v1]);
+    if layout > LAYOUT {
+        return Err(BlobError::LayoutNewer { found: layout });
+    }
+    if layout < LAYOUT {
+        return Err(BlobError::LayoutOlder { found: layout });
+    }
+    if zero != 0 {
+        return Err(BlobError::Reserved);
+    }
+    let expected = u32::from_le_bytes([l0, l1, l2, l3]);
+    if usize::try_from(expected) != Ok(body.len()) {
+        return Err(BlobError::Length {
+            found: body.len(),
+            expected,
+        });
+    }
+    if CRC.checksum(body) != u32::from_le_bytes([c0, c1, c2, c3]) {
+        return Err(BlobError::Checksum);
+    }
+    Ok((usize::from(joints), body))
+}

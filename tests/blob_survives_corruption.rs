@@ -1,0 +1,350 @@
+//! A blob comes back as it was written, and any other bytes are refused by name.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
+#[path = "support/blobs.rs"]
+mod blobs;
+mod support;
+
+use blobs::blob;
+use nalgebra::Vector3;
+use support::Random;
+use truepose::effects::{Effect, GearEccentricity, JointCompliance, JointGain};
+use truepose::params::{Blob, BlobError, Description, HEADER, Provenance, decode};
+use truepose::{Convention, Joint, JointKind, LinkMass, Settings, StoredPose};
+
+const ROOM: usize = 16_384;
+
+fn encoded(blob: &Blob) -> Vec<u8> {
+    let mut buffer = vec![0; ROOM];
+    blob.encode(&mut buffer).unwrap().to_vec()
+}
+
+/// Every field with a value of its own.
+fn sample() -> Blob<'static> {
+    let mut first = Joint::dh(JointKind::Revolute, 0.1, 0.2, 0.3, 0.4);
+    first.convention = Convention::Hayati;
+    first.beta = 0.5;
+    let mut second = Joint::new(JointKind::Prismatic, Convention::ZeroReference);
+    second.d = 0.25;
+    second.axis = Vector3::new(0.0, 1.0, 0.0);
+    second.point = Vector3::new(1.5, 2.5, 3.5);
+    second.turn = [0.01, 0.02];
+    second.shift = [0.03, 0.04];
+    let mass = |mass| LinkMass {
+        mass,
+        com: Vector3::new(0.125, 0.25, 0.5),
+    };
+    let pose = |x| StoredPose {
+        translation: [x, 2.0 * x, 3.0 * x],
+        rotation_vector: [0.5, -0.25, 0.125],
+    };
+    let nominal = Description {
+        base: pose(1.0),
+        joints: [first, second].into_iter().collect(),
+        masses: [mass(4.0), mass(8.0)].into_iter().collect(),
+        tool: pose(0.0625),
+    };
+    let mut calibrated = nominal.clone();
+    calibrated.joints[0].alpha = 0.375;
+    Blob {
+        robot: "golden".try_into().unwrap(),
+        nominal,
+        calibrated,
+        limits: [[-3.0, 2.0], [0.0, 0.75]].into_iter().collect(),
+        resolution: [1e-5, 0.0].into_iter().collect(),
+        gravity: [0.0, 0.0, -9.75],
+        effects: [
+            Effect::JointGain(JointGain {
+                joint: 0,
+                gain: [0.001],
+            }),
+            Effect::GearEccentricity(GearEccentricity {
+                joint: 0,
+                order: 2.0,
+                amplitude: [0.002, 0.003],
+            }),
+            Effect::JointCompliance(JointCompliance {
+                joint: 1,
+                compliance: [1e-6],
+            }),
+        ]
+        .into_iter()
+        .collect(),
+        settings: Settings {
+            iteration_cycles: Some(300),
+            ..Settings::default()
+        },
+        provenance: Provenance {
+            tool: "truepose".try_into().unwrap(),
+            data: "golden.csv".try_into().unwrap(),
+            date: "2026-01-01".try_into().unwrap(),
+            rows_identify: 70,
+            rows_verify: 300,
+            rms_before: 0.001,
+            rms_after: 0.0001,
+        },
+    }
+}
+
+/// Puts a body's length and checksum right again after a change.
+fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
+    let body = &bytes[HEADER..];
+    let length = u32::try_from(body.len()).unwrap().to_le_bytes();
+    let sum = crc32(body).to_le_bytes();
+    bytes[8..12].copy_from_slice(&length);
+    bytes[12..16].copy_from_slice(&sum);
+    bytes
+}
+
+/// CRC-32 by its definition, bit by bit.
+fn crc32(bytes: &[u8]) -> u32 {
+    let mut crc = u32::MAX;
+    for byte in bytes {
+        crc ^= u32::from(*byte);
+        for _ in 0..8 {
+            crc = (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg());
+        }
+    }
+    !crc
+}
+
+#[test]
+fn a_blob_comes_back_as_it_was_written() {
+    let mut random = Random(11);
+    for joints in 1..=12 {
+        for _ in 0..20 {
+            let blob = blob(&mut random, joints);
+            assert_eq!(Blob::decode(&encoded(&blob)), Ok(blob));
+        }
+    }
+}
+
+#[test]
+fn the_model_is_the_same_from_the_bytes_and_from_the_description() {
+    let mut random = Random(12);
+    for _ in 0..50 {
+        let blob = blob(&mut random, 6);
+        let bytes = encoded(&blob);
+        let model = decode::<f64, 6>(&bytes).unwrap();
+        let again = blob.model::<f64, 6>().unwrap();
+        assert_eq!(model, again);
+        let single = decode::<f32, 6>(&bytes).unwrap();
+        assert_eq!(single.calibrated, model.calibrated.cast());
+    }
+}
+
+#[test]
+fn the_bytes_of_layout_1_stay_as_they_are() {
+    let golden = include_str!("golden/blob_layout_1.hex");
+    let golden: String = golden
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .flat_map(|line| line.split_whitespace())
+        .collect();
+    let written = encoded(&sample());
+    let hex: String = written.iter().map(|b| format!("{b:02x}")).collect();
+    assert_eq!(hex, golden);
+}
+
+#[test]
+fn every_single_bit_flip_is_refused() {
+    let bytes = encoded(&blob(&mut Random(2), 6));
+    for position in 0..bytes.len() {
+        for bit in 0..8 {
+            let mut changed = bytes.clone();
+            changed[position] ^= 1 << bit;
+            let refusal = decode::<f32, 6>(&changed).err();
+            let expected = match position {
+                0..4 => Some(BlobError::Magic),
+                7 => Some(BlobError::Reserved),
+                12.. => Some(BlobError::Checksum),
+                _ => refusal,
+            };
+            assert!(refusal.is_some(), "byte {position} bit {bit}");
+            assert_eq!(refusal, expected, "byte {position} bit {bit}");
+            assert!(Blob::decode(&changed).is_err(), "byte {position} bit {bit}");
+        }
+    }
+}
+
+#[test]
+fn every_truncation_and_extension_is_refused() {
+    let bytes = encoded(&blob(&mut Random(3), 6));
+    for length in 0..bytes.len() {
+        let refusal = decode::<f32, 6>(&bytes[..length]).err();
+        if length < HEADER {
+            assert_eq!(refusal, Some(BlobError::TooShort { bytes: length }));
+        } else {
+            assert!(matches!(refusal, Some(BlobError::Length { .. })));
+        }
+        // With the header put right the body still ends too early.
+        if length >= HEADER {
+            let refusal = decode::<f32, 6>(&sealed(bytes[..length].to_vec())).err();
+            assert_eq!(refusal, Some(BlobError::Body));
+        }
+    }
+    for extra in 1..20 {
+        let mut longer = bytes.clone();
+        longer.extend(std::iter::repeat_n(0, extra));
+        assert!(matches!(
+            decode::<f32, 6>(&longer).err(),
+            Some(BlobError::Length { .. })
+        ));
+        assert_eq!(
+            decode::<f32, 6>(&sealed(longer)).err(),
+            Some(BlobError::Trailing { bytes: extra })
+        );
+    }
+}
+
+#[test]
+fn random_bytes_never_pass_or_panic() {
+    let mut random = Random(4);
+    let good = encoded(&blob(&mut random, 6));
+    for _ in 0..20_000 {
+        let length = random.below(400);
+        let noise: Vec<u8> = (0..length).map(|_| random.below(256) as u8).collect();
+        assert!(decode::<f32, 6>(&noise).is_err());
+        // Behind a good header, with length and checksum right.
+        let mut bytes = good[..HEADER].to_vec();
+        bytes.extend(&noise);
+        assert!(decode::<f32, 6>(&sealed(bytes)).is_err());
+    }
+}
+
+#[test]
+fn altered_bodies_with_a_right_checksum_are_sound_or_refused() {
+    let mut random = Random(5);
+    let good = encoded(&blob(&mut random, 6));
+    let mut passed = 0;
+    for _ in 0..20_000 {
+        let mut bytes = good.clone();
+        for _ in 0..=random.below(3) {
+            let position = HEADER + random.below(bytes.len() - HEADER);
+            bytes[position] = random.below(256) as u8;
+        }
+        if let Ok(model) = decode::<f32, 6>(&sealed(bytes)) {
+            passed += 1;
+            let pose = model.nominal_pose(&[0.1; 6]);
+            assert!(pose.is_finite());
+        }
+    }
+    // Most single changes of a mantissa are sound numbers.
+    assert!(passed > 1000, "{passed}");
+}
+
+#[test]
+fn what_a_reader_would_refuse_is_not_written() {
+    let mut random = Random(6);
+    let good = blob(&mut random, 3);
+    let mut buffer = vec![0; ROOM];
+    let mut refused = |change: &dyn Fn(&mut Blob)| {
+        let mut blob = good.clone();
+        change(&mut blob);
+        blob.encode(&mut buffer).err()
+    };
+    assert_eq!(
+        refused(&|b| b.calibrated.joints[1].a = f64::NAN),
+        Some(BlobError::Number)
+    );
+    assert_eq!(
+        refused(&|b| b.gravity[2] = f64::INFINITY),
+        Some(BlobError::Number)
+    );
+    assert_eq!(
+        refused(&|b| b.provenance.rms_after = 1e10),
+        Some(BlobError::Number)
+    );
+    assert_eq!(
+        refused(&|b| b.nominal.joints[2].axis.x += 0.1),
+        Some(BlobError::Axis { joint: 3 })
+    );
+    assert_eq!(
+        refused(&|b| b.limits[0] = [1.0, -1.0]),
+        Some(BlobError::Limits { joint: 1 })
+    );
+    assert_eq!(
+        refused(&|b| b.limits[0] = [0.0, 101.0]),
+        Some(BlobError::Limits { joint: 1 })
+    );
+    assert_eq!(
+        refused(&|b| b.resolution[2] = -1e-6),
+        Some(BlobError::Resolution { joint: 3 })
+    );
+    assert_eq!(
+        refused(&|b| b.calibrated.masses[0].mass = -1.0),
+        Some(BlobError::Mass { joint: 1 })
+    );
+    assert_eq!(
+        refused(&|b| b.settings.damping = 0.0),
+        Some(BlobError::Settings)
+    );
+    assert_eq!(
+        refused(&|b| {
+            b.limits.pop();
+        }),
+        Some(BlobError::Joints {
+            found: 2,
+            expected: 3
+        })
+    );
+    assert_eq!(
+        refused(&|b| {
+            let kind = &mut b.calibrated.joints[0].kind;
+            *kind = match kind {
+                truepose::JointKind::Revolute => truepose::JointKind::Prismatic,
+                truepose::JointKind::Prismatic => truepose::JointKind::Revolute,
+            };
+        }),
+        Some(BlobError::Kind { joint: 1 })
+    );
+    assert_eq!(
+        refused(&|b| {
+            let stray = truepose::effects::JointGain::new(3);
+            let full = b.effects.push(truepose::effects::Effect::JointGain(stray));
+            assert!(full.is_ok());
+        }),
+        Some(BlobError::Effect {
+            effect: u8::try_from(good.effects.len() + 1).unwrap()
+        })
+    );
+    assert_eq!(refused(&|_| {}), None);
+    let mut small = [0; 100];
+    assert_eq!(
+        good.encode(&mut small).err(),
+        Some(BlobError::BufferTooSmall)
+    );
+}
+
+#[test]
+fn other_layouts_and_joint_counts_are_refused_by_name() {
+    let bytes = encoded(&blob(&mut Random(7), 6));
+    let mut newer = bytes.clone();
+    newer[4] = 2;
+    assert_eq!(
+        decode::<f32, 6>(&newer).err(),
+        Some(BlobError::LayoutNewer { found: 2 })
+    );
+    let mut older = bytes.clone();
+    older[4] = 0;
+    assert_eq!(
+        decode::<f32, 6>(&older).err(),
+        Some(BlobError::LayoutOlder { found: 0 })
+    );
+    assert_eq!(
+        decode::<f32, 5>(&bytes).err(),
+        Some(BlobError::Joints {
+            found: 6,
+            expected: 5
+        })
+    );
+    // A header that disagrees with its body.
+    let mut lying = bytes;
+    lying[6] = 5;
+    let wrong = Some(BlobError::Joints {
+        found: 6,
+        expected: 5,
+    });
+    assert_eq!(decode::<f32, 5>(&lying).err(), wrong);
+    assert_eq!(Blob::decode(&lying).err(), wrong);
+}
