@@ -24,6 +24,9 @@ pub struct ArmModel {
     pub anchor: Vector3<f64>,
     /// What the rigid chain lacks.
     pub effects: Vec<Effect<'static, f64>>,
+    /// Joints read before the arm had settled: what the joint that moved farthest still
+    /// lacked, rad or m. A fault of the recording, never of the arm.
+    pub early_reading: f64,
     baked: Vec<BakedJoint<f64>>,
     gauges: Vec<Gauge<f64>>,
     baked_tool: Pose<f64>,
@@ -50,6 +53,7 @@ impl ArmModel {
             targets: Vec::new(),
             anchor: Vector3::zeros(),
             effects: Vec::new(),
+            early_reading: 0.0,
             baked: vec![BakedJoint::identity(); count],
             gauges: vec![Pose::identity(); count],
             baked_tool: Pose::identity(),

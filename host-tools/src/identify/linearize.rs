@@ -16,6 +16,7 @@ enum Path {
     Target { target: usize, unit: Vector3<f64> },
     Anchor { unit: Vector3<f64> },
     Effect { effect: usize, value: usize },
+    EarlyReading,
 }
 
 fn unit(axis: usize) -> Vector3<f64> {
@@ -42,6 +43,7 @@ fn paths(arm: &ArmModel, unknowns: &[Unknown]) -> Vec<Path> {
         },
         Unknown::Anchor { axis } => Path::Anchor { unit: unit(axis) },
         Unknown::Effect { effect, value } => Path::Effect { effect, value },
+        Unknown::EarlyReading => Path::EarlyReading,
     };
     unknowns.iter().map(path).collect()
 }
@@ -101,7 +103,24 @@ impl<'a> Evaluator<'a> {
 
     /// Moves to an observation.
     pub fn observe(&mut self, o: &Observation) -> Pose<f64> {
-        self.go(o.session, &o.q, &o.direction, &o.ambient)
+        let early = self.arm.early_reading;
+        if early.abs() < f64::MIN_POSITIVE {
+            return self.go(o.session, &o.q, &o.direction, &o.ambient);
+        }
+        let settled: Vec<f64> =
+            o.q.iter()
+                .zip(&o.travel)
+                .map(|(q, d)| q + early * d)
+                .collect();
+        self.go(o.session, &settled, &o.direction, &o.ambient)
+    }
+
+    /// Displacement of the tool per unit of what the joints lacked when they were read.
+    pub fn early_twist(&self, o: &Observation) -> Twist<f64> {
+        let each = o.travel.iter().enumerate();
+        each.fold(Twist::zero(), |sum, (j, &d)| {
+            sum.plus(&self.joint_twist(j).scaled(d))
+        })
     }
 
     /// Measured minus predicted over sigma, into `out` (one entry an equation).
@@ -261,6 +280,7 @@ impl<'a> Evaluator<'a> {
                     }
                 }
             }
+            Path::EarlyReading => self.spread(o, &self.early_twist(o), out),
             Path::Effect { effect, value } => {
                 out.fill(0.0);
                 if let Some(effect) = self.arm.effects.get(*effect) {

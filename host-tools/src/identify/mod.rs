@@ -76,7 +76,7 @@ pub enum Failure {
 }
 
 /// Placement unknowns that the data can show at all.
-fn placement(problem: &Problem) -> Vec<Unknown> {
+pub(crate) fn placement(problem: &Problem) -> Vec<Unknown> {
     let mut unknowns = Vec::new();
     for session in 0..problem.sessions.len().max(1) {
         unknowns.extend((0..6).map(|axis| Unknown::Base { session, axis }));
@@ -94,7 +94,7 @@ fn placement(problem: &Problem) -> Vec<Unknown> {
     unknowns
 }
 
-fn fit(
+pub(crate) fn fit(
     arm: &mut ArmModel,
     candidates: &[Unknown],
     observations: &[&Observation],
@@ -236,7 +236,7 @@ fn names(arm: &ArmModel, parts: &[(usize, f64)], of: &[Unknown]) -> String {
 }
 
 /// What became of every parameter that the description has.
-fn statuses(
+pub(crate) fn statuses(
     stage: &Stage,
     structure: &Structure,
     candidates: &[Unknown],
@@ -283,6 +283,7 @@ fn statuses(
         Unknown::Target { target, axis } => (3, target, axis),
         Unknown::Anchor { axis } => (4, 0, axis),
         Unknown::Effect { effect, value } => (5, effect, value),
+        Unknown::EarlyReading => (6, 0, 0),
     };
     statuses.sort_by_key(|(u, _)| order(u));
     statuses

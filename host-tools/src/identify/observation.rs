@@ -12,6 +12,9 @@ pub struct Observation {
     pub q: Vec<f64>,
     /// Sign of the last move of each joint.
     pub direction: Vec<f64>,
+    /// Move from the row before in the file, of every joint over that of the joint that
+    /// moved farthest; zero for the first row.
+    pub travel: Vec<f64>,
     /// Payload, temperatures, time.
     pub ambient: Ambient<f64>,
     /// Placement of the instrument, an index from 0.

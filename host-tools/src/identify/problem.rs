@@ -61,9 +61,11 @@ impl Problem {
             *place = index;
         }
         let (mut identify, mut verify) = (Vec::new(), Vec::new());
+        let mut before: Option<&[f64]> = None;
         for row in &data.rows {
             let session = numbers.get(&row.session.unwrap_or(0)).copied().unwrap_or(0);
-            let observation = observation(row, session, joints);
+            let observation = observation(row, before, session, joints);
+            before = Some(&row.q);
             match row.set {
                 Set::Identify => identify.push(observation),
                 Set::Verify => verify.push(observation),
@@ -96,7 +98,7 @@ impl Problem {
     }
 }
 
-fn observation(row: &Row, session: usize, joints: Joints) -> Observation {
+fn observation(row: &Row, before: Option<&[f64]>, session: usize, joints: Joints) -> Observation {
     let q = match (joints, &row.q_command) {
         (Joints::Commands, Some(q)) => q.clone(),
         _ => row.q.clone(),
@@ -105,11 +107,26 @@ fn observation(row: &Row, session: usize, joints: Joints) -> Observation {
         row: row.number,
         q,
         direction: row.direction.clone(),
+        travel: travel(&row.q, before),
         ambient: row.ambient(),
         session,
         position: row.position.map(Vector3::from),
         rotation: row.pose().map(|p| p.rotation),
         targets: row.targets.iter().map(|t| t.map(Vector3::from)).collect(),
         length: row.length,
+    }
+}
+
+/// Share of every joint in the move from `before` to `q`.
+fn travel(q: &[f64], before: Option<&[f64]>) -> Vec<f64> {
+    let moves: Vec<f64> = match before {
+        Some(before) => q.iter().zip(before).map(|(a, b)| a - b).collect(),
+        None => vec![0.0; q.len()],
+    };
+    let farthest = moves.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    if farthest > 0.0 {
+        moves.iter().map(|x| x / farthest).collect()
+    } else {
+        moves
     }
 }

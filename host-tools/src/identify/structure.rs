@@ -143,6 +143,7 @@ fn generic_poses(arm: &ArmModel, count: usize) -> Vec<Observation> {
             row: pose,
             q: (0..n).map(|j| reading(pose, j)).collect(),
             direction: vec![0.0; n],
+            travel: vec![0.0; n],
             ambient: Ambient::default(),
             session: 0,
             position: Some(Vector3::zeros()),

@@ -42,6 +42,8 @@ pub enum Unknown {
         /// Index of the value.
         value: usize,
     },
+    /// What the joints lacked when they were read, of the joint that moved farthest.
+    EarlyReading,
 }
 
 const AXES: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
@@ -69,6 +71,7 @@ impl Unknown {
                 }
                 None => String::new(),
             },
+            Self::EarlyReading => "early reading".to_owned(),
         }
     }
 
@@ -89,6 +92,7 @@ impl Unknown {
                 .get(effect)
                 .and_then(|e| e.model().parameters().get(value))
                 .map_or("", |p| p.1),
+            Self::EarlyReading => "rad",
         }
     }
 
@@ -112,6 +116,7 @@ impl Unknown {
                 .get(effect)
                 .and_then(|e| e.model().values().get(value).copied())
                 .unwrap_or(0.0),
+            Self::EarlyReading => arm.early_reading,
         }
     }
 
@@ -129,6 +134,7 @@ impl Unknown {
                 "rad/(N m)" => 1e-4,
                 _ => 5e-3,
             },
+            Self::EarlyReading => 1e-3,
         }
     }
 }
@@ -175,6 +181,7 @@ pub fn apply(arm: &mut ArmModel, unknowns: &[Unknown], step: &[f64]) {
                     *value += delta;
                 }
             }
+            Unknown::EarlyReading => arm.early_reading += delta,
         }
     }
     for (base, turn) in arm.bases.iter_mut().zip(&base_turns) {
