@@ -3,7 +3,9 @@
 //! Takes the geometric and non-geometric errors of a robot arm out of its joint commands, in
 //! the control loop.
 
+pub mod budget;
 mod chain;
+pub mod compensate;
 pub mod effects;
 pub mod jacobian;
 mod joint;

@@ -212,6 +212,11 @@ impl<T: Scalar, const N: usize> Default for Room<T, N> {
 }
 
 impl<T: Scalar, const N: usize> Room<T, N> {
+    /// Frames of the last evaluation.
+    pub fn frames(&self) -> &[Frame<T>; N] {
+        &self.frames
+    }
+
     /// As slices.
     pub fn scratch(&mut self) -> Scratch<'_, T> {
         Scratch {

@@ -1,0 +1,162 @@
+//! Cycles: the clock, what is left of a budget, and whether another iteration still fits.
+//!
+//! ```
+//! use truepose::budget::{Budget, Counter};
+//!
+//! let cycle_counter = Counter::up(|| 0 /* e.g. DWT::cycle_count() */);
+//! let mut budget = Budget::cycles(&cycle_counter, 20_000);
+//! ```
+
+/// A wrapping counter of cycles.
+pub trait Clock {
+    /// Its present reading.
+    fn now(&self) -> u32;
+
+    /// Cycles from an earlier reading `since` to now. Right as long as the counter has not
+    /// gone round completely in between.
+    fn elapsed(&self, since: u32) -> u32;
+}
+
+/// A free-running hardware counter behind a function that reads it.
+///
+/// - Cortex-M cycle counter: `Counter::up(cortex_m::peripheral::DWT::cycle_count)`, 32 bits;
+/// - SysTick: `Counter::down(cortex_m::peripheral::SYST::get_current, reload)`, which counts
+///   from its reload value to 0: a budget must be shorter than that;
+/// - any timer that counts up over all 32 bits: [`Counter::up`].
+#[derive(Clone, Copy, Debug)]
+pub struct Counter<F> {
+    read: F,
+    direction: Direction,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Direction {
+    Up,
+    Down { reload: u32 },
+}
+
+impl<F: Fn() -> u32> Counter<F> {
+    /// Counts up and wraps at 32 bits.
+    pub fn up(read: F) -> Self {
+        Self {
+            read,
+            direction: Direction::Up,
+        }
+    }
+
+    /// Counts down to 0 and starts again from `reload`.
+    pub fn down(read: F, reload: u32) -> Self {
+        Self {
+            read,
+            direction: Direction::Down { reload },
+        }
+    }
+}
+
+impl<F: Fn() -> u32> Clock for Counter<F> {
+    fn now(&self) -> u32 {
+        (self.read)()
+    }
+
+    fn elapsed(&self, since: u32) -> u32 {
+        let now = self.now();
+        match self.direction {
+            Direction::Up => now.wrapping_sub(since),
+            Direction::Down { .. } if now <= since => since - now,
+            // Through zero: down to 0, one cycle to reload, down to where it is.
+            Direction::Down { reload } => since
+                .saturating_add(reload.saturating_sub(now))
+                .saturating_add(1),
+        }
+    }
+}
+
+/// A clock that stands still: for callers without a deadline.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoClock;
+
+impl Clock for NoClock {
+    fn now(&self) -> u32 {
+        0
+    }
+
+    fn elapsed(&self, _since: u32) -> u32 {
+        0
+    }
+}
+
+/// What one call may spend.
+#[derive(Debug)]
+pub struct Budget<'c, C> {
+    clock: &'c C,
+    start: u32,
+    limit: u32,
+}
+
+impl<'c, C: Clock> Budget<'c, C> {
+    /// `limit` cycles of `clock`, from now on.
+    pub fn cycles(clock: &'c C, limit: u32) -> Self {
+        Self {
+            clock,
+            start: clock.now(),
+            limit,
+        }
+    }
+
+    /// Cycles spent so far.
+    pub fn spent(&self) -> u32 {
+        self.clock.elapsed(self.start)
+    }
+
+    /// Whether `cost` more cycles still fit.
+    #[inline]
+    pub fn fits(&self, cost: u32) -> bool {
+        self.spent()
+            .checked_add(cost)
+            .is_some_and(|end| end <= self.limit)
+    }
+}
+
+impl Budget<'static, NoClock> {
+    /// As long as it takes.
+    pub fn unlimited() -> Self {
+        Self::cycles(&NoClock, u32::MAX)
+    }
+}
+
+/// What the parts of a compensation cost at worst, in cycles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cost {
+    /// Before the first iteration: the pose that the request means and where the nominal and
+    /// the remembered command lead.
+    pub start: u32,
+    /// One iteration: a step and its evaluation, limits and singularities included.
+    pub iteration: u32,
+}
+
+impl Cost {
+    /// From the table for a Cortex-M4F at zero wait states. `joints`: N; `effects`: number of
+    /// effects, as if all were of the costliest kind.
+    ///
+    /// Measured on the emulated core by `tests/firmware` and rounded up; on other cores, or
+    /// with a clock that does not count core cycles, set `Settings::iteration_cycles`.
+    pub fn worst(joints: usize, effects: usize) -> Self {
+        let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+        let (joints, effects) = (count(joints), count(effects));
+        let evaluation = 600u32
+            .saturating_add(joints.saturating_mul(260))
+            .saturating_add(effects.saturating_mul(700));
+        // Below six joints the normal matrix has their number of rows.
+        let rows = joints.min(6);
+        let solve = rows
+            .saturating_mul(rows)
+            .saturating_mul(rows)
+            .saturating_mul(8)
+            .saturating_add(joints.saturating_mul(400))
+            .saturating_add(800);
+        Self {
+            start: evaluation.saturating_mul(3),
+            iteration: evaluation.saturating_add(solve.saturating_mul(2)),
+        }
+    }
+}

@@ -1,0 +1,302 @@
+//! The iteration that the model-based compensators share: damped steps, each tested against
+//! the model before it counts.
+
+use super::Status;
+use super::error::{PoseError, between};
+use super::inverse_jacobian::singular_effort;
+use super::step::{Columns, clearance, confined, damped_step, within_box};
+use crate::budget::{Budget, Clock, Cost};
+use crate::effects::Conditions;
+use crate::jacobian::joint_column;
+use crate::model::{Arm, Room};
+use crate::{Pose, Scalar, Settings, Twist};
+
+/// One problem: reach `desired` from `start` without leaving `room`.
+pub(super) struct Descent<'p, T: Scalar, const N: usize> {
+    pub(super) arm: Arm<'p, T>,
+    pub(super) settings: &'p Settings<T>,
+    pub(super) conditions: &'p Conditions<T, N>,
+    pub(super) desired: Pose<T>,
+    /// The command that came in, inside the limits.
+    pub(super) start: [T; N],
+    /// Where each joint may go.
+    pub(super) room: [[T; 2]; N],
+    pub(super) resolution: &'p [T; N],
+    /// What a correction costs, per square of rad or m, one a joint.
+    pub(super) effort: [T; N],
+    /// Longest iteration so far, cycles.
+    pub(super) longest: u32,
+}
+
+/// A command and where the model puts it.
+#[derive(Clone, Copy)]
+pub(super) struct Point<T: Scalar, const N: usize> {
+    pub(super) q: [T; N],
+    pub(super) error: PoseError<T>,
+    /// Predicted to desired.
+    twist: Twist<T>,
+    /// Square of the weighted error.
+    square: T,
+    /// Tool point of the rigid chain, m.
+    tool: nalgebra::Vector3<T>,
+}
+
+/// Steps that bring less than a quarter of what the linear model promises are shortened, at
+/// most this often.
+const SHORTENINGS: u8 = 3;
+
+impl<T: Scalar, const N: usize> Descent<'_, T, N> {
+    /// From the start, or from the start plus the `remembered` correction where that is
+    /// better. Returns the start's error, the best command, why it ended and the iterations;
+    /// `None` where the model gives no finite pose for the start.
+    pub(super) fn run<C: Clock>(
+        &mut self,
+        remembered: &[T; N],
+        budget: &Budget<'_, C>,
+        cost: &Cost,
+    ) -> Option<(PoseError<T>, Point<T, N>, Status, u8)> {
+        let mut room = Room::default();
+        let initial = self.evaluate(self.start, &mut room)?;
+        if self.converged(&initial) {
+            return Some((initial.error, initial, Status::Converged, 0));
+        }
+        if self.settings.max_iterations == 0 {
+            return Some((initial.error, initial, Status::IterationLimit, 0));
+        }
+        let given = self.effort;
+        let mut best = initial;
+        if remembered.iter().any(|d| !d.is_zero()) {
+            let warm = self.evaluate(self.moved(&self.start, remembered, T::one()), &mut room);
+            let better = warm.filter(|warm| {
+                if warm.square < initial.square {
+                    self.set_effort(&given, warm, &initial, &room);
+                    self.merit(warm) < initial.square
+                } else {
+                    false
+                }
+            });
+            match better {
+                Some(warm) => best = warm,
+                // The frames have to be the start's again.
+                None => {
+                    best = self.evaluate(self.start, &mut room)?;
+                    self.set_effort(&given, &best, &initial, &room);
+                }
+            }
+        } else {
+            self.set_effort(&given, &best, &initial, &room);
+        }
+        let (found, status, iterations) = self.iterate(best, &mut room, budget, cost);
+        // Never worse: the merit only falls, so this guards against rounding alone.
+        let found = if found.square <= initial.square {
+            found
+        } else {
+            initial
+        };
+        Some((initial.error, found, status, iterations))
+    }
+
+    fn iterate<C: Clock>(
+        &mut self,
+        mut best: Point<T, N>,
+        room: &mut Room<T, N>,
+        budget: &Budget<'_, C>,
+        cost: &Cost,
+    ) -> (Point<T, N>, Status, u8) {
+        let mut iterations = 0;
+        loop {
+            if self.converged(&best) {
+                return (best, Status::Converged, iterations);
+            }
+            if let Some(status) = self.halt(iterations, budget, cost) {
+                return (best, status, iterations);
+            }
+            let begun = budget.spent();
+            let Some((step, slope)) = self.step(&best, room) else {
+                return (best, Status::Settled, iterations);
+            };
+            let mut scale = T::one();
+            for shortening in 0..=SHORTENINGS {
+                let trial = self.evaluate(self.moved(&best.q, &step, scale), room);
+                iterations += 1;
+                self.longest = self.longest.max(budget.spent().wrapping_sub(begun));
+                let gain = match &trial {
+                    Some(trial) => (self.merit(&best) - self.merit(trial)) / (slope * scale),
+                    None => -T::one() / T::EPSILON,
+                };
+                let stop = if shortening == SHORTENINGS {
+                    Some(Status::Settled)
+                } else {
+                    self.halt(iterations, budget, cost)
+                };
+                let quarter = T::of(0.25);
+                match (trial, stop) {
+                    (Some(trial), _) if gain >= quarter => {
+                        best = trial;
+                        break;
+                    }
+                    // No time to shorten it: it still may be better than nothing.
+                    (Some(trial), Some(status)) if gain > T::zero() => {
+                        return (trial, status, iterations);
+                    }
+                    (_, Some(status)) => return (best, status, iterations),
+                    // Half as far again as the parabola through value, slope and new value
+                    // has its minimum: the full step for a gain of one quarter, and less
+                    // without a jump below.
+                    (_, None) => scale *= T::of(0.75) / (T::one() - gain),
+                }
+            }
+        }
+    }
+
+    /// Why not to go on, if so.
+    fn halt<C: Clock>(
+        &self,
+        iterations: u8,
+        budget: &Budget<'_, C>,
+        cost: &Cost,
+    ) -> Option<Status> {
+        if iterations >= self.settings.max_iterations {
+            Some(Status::IterationLimit)
+        } else if !budget.fits(cost.iteration) {
+            Some(Status::OutOfBudget)
+        } else {
+            None
+        }
+    }
+
+    /// The step from `best`, whose frames are in `room`, and twice what the merit falls along
+    /// it at first; `None` where there is nothing to gain.
+    fn step(&self, best: &Point<T, N>, room: &mut Room<T, N>) -> Option<([T; N], T)> {
+        let columns = self.columns(best, room);
+        let error = self.weighted(&best.twist);
+        let mut away = [T::zero(); N];
+        for ((away, &q), &start) in away.iter_mut().zip(&best.q).zip(&self.start) {
+            *away = q - start;
+        }
+        let damping = self.settings.damping;
+        let mut step = damped_step(&columns, &error, &self.effort, &away, damping);
+        let mut reach = self.room;
+        for (reach, &q) in reach.iter_mut().zip(&best.q) {
+            *reach = reach.map(|x| x - q);
+        }
+        let inside = |(p, [low, high]): (&T, &[T; 2])| p >= low && p <= high;
+        if !step.iter().zip(&reach).all(inside) {
+            within_box(
+                &columns,
+                &error,
+                &self.effort,
+                &away,
+                damping,
+                &reach,
+                &mut step,
+            );
+        }
+        let mut slope = T::zero();
+        let efforts = self.effort.iter().zip(&away);
+        for ((&p, column), (&g, &d)) in step.iter().zip(&columns).zip(efforts) {
+            slope += p * (super::solve::dot(column, &error) - g * d);
+        }
+        slope *= T::of(2.0);
+        let moves = step.iter().zip(self.resolution);
+        let resolved = moves.into_iter().any(|(p, &r)| p.abs() * T::of(2.0) > r);
+        // NaN fails both.
+        (resolved && slope > self.merit(best) * T::EPSILON).then_some((step, slope))
+    }
+
+    /// Where the model puts `q`; `None` if nowhere finite.
+    fn evaluate(&self, q: [T; N], room: &mut Room<T, N>) -> Option<Point<T, N>> {
+        let conditions = self.conditions;
+        let prediction = self.arm.predict(
+            &q,
+            &conditions.direction,
+            &conditions.ambient,
+            &mut room.scratch(),
+        );
+        let twist = if prediction.twist == Twist::zero() {
+            between(&prediction.rigid, &self.desired)
+        } else {
+            between(&prediction.pose(), &self.desired)
+        };
+        let weighted = self.weighted(&twist);
+        let square = super::solve::dot(&weighted, &weighted);
+        let error = PoseError::of(&twist);
+        let finite = square.finite() && error.position.finite() && error.orientation.finite();
+        finite.then_some(Point {
+            q,
+            error,
+            twist,
+            square,
+            tool: prediction.rigid.translation,
+        })
+    }
+
+    /// `from` plus `scale` times `step`, inside the room.
+    fn moved(&self, from: &[T; N], step: &[T; N], scale: T) -> [T; N] {
+        let mut q = *from;
+        for ((q, &p), room) in q.iter_mut().zip(step).zip(&self.room) {
+            *q = confined(*q + p * scale, room);
+        }
+        q
+    }
+
+    /// What is minimised: square of the weighted error and effort.
+    fn merit(&self, point: &Point<T, N>) -> T {
+        let mut merit = point.square;
+        for ((&g, &q), &start) in self.effort.iter().zip(&point.q).zip(&self.start) {
+            merit += g * ((q - start) * (q - start));
+        }
+        merit
+    }
+
+    fn weighted(&self, twist: &Twist<T>) -> [T; 6] {
+        let (p, o) = (
+            self.settings.position_weight,
+            self.settings.orientation_weight,
+        );
+        let [a, b, c, d, e, f] = twist.rows();
+        [a * p, b * p, c * p, d * o, e * o, f * o]
+    }
+
+    /// Weighted joint Jacobian at `point`, whose frames are in `room`.
+    fn columns(&self, point: &Point<T, N>, room: &Room<T, N>) -> Columns<T, N> {
+        let mut columns = [[T::zero(); 6]; N];
+        let joints = self.arm.joints.iter().zip(room.frames());
+        for (column, (joint, frame)) in columns.iter_mut().zip(joints) {
+            *column = self.weighted(&joint_column(joint.kind, frame, &point.tool));
+        }
+        columns
+    }
+
+    /// Effort as `given` plus what the nearness of a singular configuration asks for.
+    fn set_effort(
+        &mut self,
+        given: &[T; N],
+        at: &Point<T, N>,
+        initial: &Point<T, N>,
+        room: &Room<T, N>,
+    ) {
+        let columns = self.columns(at, room);
+        let weights = [
+            self.settings.position_weight,
+            self.settings.orientation_weight,
+        ];
+        let clear = clearance(&columns, weights, self.settings.damping);
+        let extra = singular_effort(clear, self.settings.singular_value, initial.square);
+        for (effort, &given) in self.effort.iter_mut().zip(given) {
+            *effort = given + extra;
+        }
+    }
+
+    /// Whether both errors are below their tolerances, or below what can be told apart in
+    /// this number type.
+    fn converged(&self, point: &Point<T, N>) -> bool {
+        let settings = self.settings;
+        let tool = &point.tool;
+        let far = tool.x.abs() + tool.y.abs() + tool.z.abs();
+        let floor = T::EPSILON * (T::one() + far);
+        let below = |x: T, tolerance: T| x <= tolerance || x <= floor;
+        below(point.error.position, settings.position_tolerance)
+            && below(point.error.orientation, settings.orientation_tolerance)
+    }
+}

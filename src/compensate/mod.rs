@@ -1,0 +1,334 @@
+//! Corrected joint commands within a cycle budget.
+//!
+//! Every compensator takes a [`Request`] and gives an [`Outcome`], whose joints are always
+//! safe to send:
+//! - never worse than the command that came in (clamped to the limits), by the model's own
+//!   prediction of the weighted pose error;
+//! - inside the joint limits, within the correction bound, finite;
+//! - in time: an iteration starts only if its worst case still fits into the budget;
+//! - continuous along a continuous path, through singularities and along limits: how it is
+//!   done stands in [`inverse_jacobian`];
+//! - the same bits for the same input, state and number type on every core.
+
+mod descent;
+mod error;
+pub mod inverse_jacobian;
+mod solve;
+mod step;
+
+use crate::budget::{Budget, Clock, Cost};
+use crate::effects::Conditions;
+use crate::model::Model;
+use crate::{Method, Pose, Scalar, Settings};
+
+use descent::Descent;
+pub use error::PoseError;
+
+/// What to correct.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Request<T: Scalar, const N: usize> {
+    /// Nominal joint command, rad or m: what the controller's own kinematics came up with.
+    pub q: [T; N],
+    /// Tool pose to reach in the world. `None`: the pose that `q` nominally means (MRD 5.23
+    /// to 5.26).
+    pub pose: Option<Pose<T>>,
+    /// What is known besides.
+    pub conditions: Conditions<T, N>,
+}
+
+impl<T: Scalar, const N: usize> Request<T, N> {
+    /// The pose that the joint command `q` (rad or m) nominally means.
+    pub fn joints(q: [T; N]) -> Self {
+        Self {
+            q,
+            pose: None,
+            conditions: Conditions::default(),
+        }
+    }
+
+    /// `pose` in the world, and the joint command `q` (rad or m) that nominally reaches it.
+    pub fn pose(pose: Pose<T>, q: [T; N]) -> Self {
+        Self {
+            pose: Some(pose),
+            ..Self::joints(q)
+        }
+    }
+
+    /// Under these conditions.
+    #[must_use]
+    pub fn conditions(mut self, conditions: Conditions<T, N>) -> Self {
+        self.conditions = conditions;
+        self
+    }
+}
+
+/// Why a compensation ended as it did. The joints are safe to send in every case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// The predicted pose error is below both tolerances.
+    Converged,
+    /// Nothing more to gain: held by limits, by the correction bound, by a singularity, or the
+    /// next step would be below the joints' resolution.
+    Settled,
+    /// The iterations allowed are used up.
+    IterationLimit,
+    /// Another iteration does not fit into the budget.
+    OutOfBudget,
+    /// Refused, the nominal command goes out: NaN or infinity in directions or payload.
+    ConditionsNotFinite,
+    /// Refused, the nominal command goes out: the requested pose is not finite or its rotation
+    /// is not one.
+    NotAPose,
+    /// Refused, the nominal command goes out: the model gives no finite pose for it under
+    /// these conditions.
+    PredictionNotFinite,
+    /// Refused, the last command goes out again (before the first: zero, moved into the
+    /// limits): NaN or infinity in the nominal joints.
+    JointsNotFinite,
+}
+
+impl Status {
+    /// Whether a compensation took place, complete or not.
+    pub fn compensated(self) -> bool {
+        matches!(
+            self,
+            Self::Converged | Self::Settled | Self::IterationLimit | Self::OutOfBudget
+        )
+    }
+}
+
+/// What goes out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome<T: Scalar, const N: usize> {
+    /// Joint command to send, rad or m.
+    pub q: [T; N],
+    /// Why it is as it is.
+    pub status: Status,
+    /// Steps that were evaluated.
+    pub iterations: u8,
+    /// Predicted pose error of the nominal command (clamped to the limits); `None` where it
+    /// was not computed.
+    pub initial: Option<PoseError<T>>,
+    /// Predicted pose error of `q`; `None` where it was not computed.
+    pub remaining: Option<PoseError<T>>,
+    /// Joints that stand at a limit or at the correction bound.
+    pub clamped: [bool; N],
+    /// Cycles spent, by the budget's clock.
+    pub cycles: u32,
+}
+
+/// What a compensator remembers from one cycle to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct State<T: Scalar, const N: usize> {
+    /// Last correction, rad or m: where the next search starts.
+    correction: [T; N],
+    /// Last command sent.
+    last: [T; N],
+    /// Longest iteration seen, cycles.
+    longest: u32,
+}
+
+/// A model at work.
+#[derive(Clone, Debug)]
+pub struct Compensator<'m, T: Scalar, const N: usize> {
+    model: &'m Model<'m, T, N>,
+    settings: Settings<T>,
+    state: State<T, N>,
+}
+
+impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
+    /// With the settings that came with the model.
+    pub fn new(model: &'m Model<'m, T, N>) -> Self {
+        let mut compensator = Self {
+            model,
+            settings: model.settings,
+            state: State {
+                correction: [T::zero(); N],
+                last: [T::zero(); N],
+                longest: 0,
+            },
+        };
+        compensator.reset();
+        compensator
+    }
+
+    /// With other settings. Unsound ones (see [`Settings::sound`]) are not taken.
+    #[must_use]
+    pub fn with_settings(mut self, settings: Settings<T>) -> Self {
+        if settings.sound() {
+            self.settings = settings;
+        }
+        self
+    }
+
+    /// The settings in use.
+    pub fn settings(&self) -> &Settings<T> {
+        &self.settings
+    }
+
+    /// Forgets what was remembered: the next request is answered as the first.
+    pub fn reset(&mut self) {
+        let zero = [T::zero(); N];
+        self.state = State {
+            correction: zero,
+            last: self.within_limits(&zero),
+            longest: 0,
+        };
+    }
+
+    /// The corrected command for `request` within `budget`.
+    pub fn correct<C: Clock>(
+        &mut self,
+        request: &Request<T, N>,
+        budget: &mut Budget<'_, C>,
+    ) -> Outcome<T, N> {
+        let outcome = match refusal(request) {
+            Some(Status::JointsNotFinite) => {
+                self.unchanged(self.state.last, Status::JointsNotFinite, budget)
+            }
+            Some(status) => self.unchanged(self.within_limits(&request.q), status, budget),
+            None => match self.settings.method {
+                Method::InverseJacobian => self.descend(request, budget),
+            },
+        };
+        if outcome.status.compensated() {
+            for ((correction, &q), &start) in self
+                .state
+                .correction
+                .iter_mut()
+                .zip(&outcome.q)
+                .zip(&request.q)
+            {
+                *correction = q - start;
+            }
+        }
+        self.state.last = outcome.q;
+        outcome
+    }
+
+    fn descend<C: Clock>(
+        &mut self,
+        request: &Request<T, N>,
+        budget: &Budget<'_, C>,
+    ) -> Outcome<T, N> {
+        let table = Cost::worst(N, self.model.effects.len());
+        let cost = match self.settings.iteration_cycles {
+            // Four evaluations take less than three iterations.
+            Some(iteration) => Cost {
+                start: iteration.saturating_mul(3),
+                iteration,
+            },
+            None => table,
+        };
+        let cost = Cost {
+            iteration: cost.iteration.max(self.state.longest),
+            ..cost
+        };
+        let start = self.within_limits(&request.q);
+        if !budget.fits(cost.start) {
+            return self.unchanged(start, Status::OutOfBudget, budget);
+        }
+        let desired = match &request.pose {
+            Some(pose) => *pose,
+            None => self.model.nominal_pose(&request.q),
+        };
+        let mut descent = Descent {
+            arm: self.model.calibrated.arm(&self.model.effects),
+            settings: &self.settings,
+            conditions: &request.conditions,
+            desired,
+            start,
+            room: self.room(&start),
+            resolution: &self.model.resolution,
+            effort: [T::zero(); N],
+            longest: 0,
+        };
+        let found = descent.run(&self.state.correction, budget, &cost);
+        self.state.longest = self.state.longest.max(descent.longest);
+        let Some((initial, best, status, iterations)) = found else {
+            return self.unchanged(start, Status::PredictionNotFinite, budget);
+        };
+        let mut clamped = [false; N];
+        for ((clamped, &q), &[low, high]) in clamped.iter_mut().zip(&best.q).zip(&descent.room) {
+            *clamped = q <= low || q >= high;
+        }
+        Outcome {
+            q: best.q,
+            status,
+            iterations,
+            initial: Some(initial),
+            remaining: Some(best.error),
+            clamped,
+            cycles: budget.spent(),
+        }
+    }
+
+    /// Where each joint may go: within its limits and the correction bound around `start`.
+    fn room(&self, start: &[T; N]) -> [[T; 2]; N] {
+        let mut room = self.model.limits;
+        let joints = &self.model.calibrated.joints;
+        for ((room, joint), &q) in room.iter_mut().zip(joints).zip(start) {
+            let [revolute, prismatic] = self.settings.correction_bound;
+            let bound = match joint.kind {
+                crate::JointKind::Revolute => revolute,
+                crate::JointKind::Prismatic => prismatic,
+            };
+            let [low, high] = *room;
+            *room = [
+                if q - bound > low { q - bound } else { low },
+                if q + bound < high { q + bound } else { high },
+            ];
+        }
+        room
+    }
+
+    fn within_limits(&self, q: &[T; N]) -> [T; N] {
+        let mut inside = *q;
+        for (q, limits) in inside.iter_mut().zip(&self.model.limits) {
+            *q = step::confined(*q, limits);
+        }
+        inside
+    }
+
+    /// The command `q` as it is.
+    fn unchanged<C: Clock>(
+        &self,
+        q: [T; N],
+        status: Status,
+        budget: &Budget<'_, C>,
+    ) -> Outcome<T, N> {
+        let mut clamped = [false; N];
+        for ((clamped, &q), &[low, high]) in clamped.iter_mut().zip(&q).zip(&self.model.limits) {
+            *clamped = q <= low || q >= high;
+        }
+        Outcome {
+            q,
+            status,
+            iterations: 0,
+            initial: None,
+            remaining: None,
+            clamped,
+            cycles: budget.spent(),
+        }
+    }
+}
+
+/// Why a request cannot be compensated, if so.
+fn refusal<T: Scalar, const N: usize>(request: &Request<T, N>) -> Option<Status> {
+    if !request.q.iter().all(|q| q.finite()) {
+        return Some(Status::JointsNotFinite);
+    }
+    let conditions = &request.conditions;
+    let ambient = &conditions.ambient;
+    let finite = conditions.direction.iter().all(|x| x.finite())
+        && ambient.payload.finite()
+        && ambient.payload_com.iter().all(|x| x.finite());
+    // Temperatures and time that are not finite are not known: their effects stay out.
+    if !finite {
+        return Some(Status::ConditionsNotFinite);
+    }
+    match &request.pose {
+        Some(pose) if !error::is_pose(pose) => Some(Status::NotAPose),
+        _ => None,
+    }
+}

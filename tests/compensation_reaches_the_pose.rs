@@ -1,0 +1,64 @@
+//! The inverse Jacobian takes the error out, to the last digits of the number type.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
+#[path = "support/puma.rs"]
+mod puma;
+#[expect(dead_code, reason = "random arms are for other tests")]
+mod support;
+
+use puma::{away_from_singularities, blob, off};
+use support::Random;
+use truepose::budget::Budget;
+use truepose::compensate::{Compensator, Request, Status};
+use truepose::effects::Conditions;
+
+const POSES: usize = 1000;
+
+#[test]
+fn in_double_precision_within_a_micrometre_from_nominal_joints() {
+    let mut random = Random(21);
+    for _ in 0..5 {
+        let blob = blob(off(&mut random), &[]);
+        let model = blob.model::<f64, 6>().unwrap();
+        for _ in 0..POSES / 5 {
+            let q = away_from_singularities(&mut random, &model);
+            let mut compensator = Compensator::new(&model);
+            let outcome = compensator.correct(&Request::joints(q), &mut Budget::unlimited());
+            assert_eq!(outcome.status, Status::Converged, "{q:?} {outcome:?}");
+            assert!(outcome.iterations <= 4, "{q:?} {outcome:?}");
+            let reached = model.predict(&outcome.q, &Conditions::default());
+            let left = reached.twist_to(&model.nominal_pose(&q));
+            assert!(left.linear.norm() <= 1e-6 && left.angular.norm() <= 1e-6);
+        }
+    }
+}
+
+/// Errors are computed in double precision from the bits of the joints that come out.
+#[test]
+fn in_single_precision_below_2_um_and_5_urad_in_three_iterations() {
+    let mut random = Random(22);
+    let (mut position, mut orientation, mut iterations) = (0.0_f64, 0.0_f64, [0; 9]);
+    for _ in 0..20 {
+        let blob = blob(off(&mut random), &[]);
+        let (single, double) = (
+            blob.model::<f32, 6>().unwrap(),
+            blob.model::<f64, 6>().unwrap(),
+        );
+        for _ in 0..POSES / 20 {
+            let q = away_from_singularities(&mut random, &double).map(|x| x as f32);
+            let mut compensator = Compensator::new(&single);
+            let outcome = compensator.correct(&Request::joints(q), &mut Budget::unlimited());
+            assert!(outcome.iterations <= 3, "{q:?} {outcome:?}");
+            iterations[usize::from(outcome.iterations)] += 1;
+            let desired = double.nominal_pose(&q.map(f64::from));
+            let reached = double.predict(&outcome.q.map(f64::from), &Conditions::default());
+            let left = reached.twist_to(&desired);
+            position = position.max(left.linear.norm());
+            orientation = orientation.max(left.angular.norm());
+        }
+    }
+    println!("max {:.3} um {:.3} urad", position * 1e6, orientation * 1e6);
+    println!("iterations {iterations:?}");
+    assert!(position < 2e-6, "{position}");
+    assert!(orientation < 5e-6, "{orientation}");
+}
