@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use truepose::params::BlobError;
+
 /// Why a command could not do its work. Nothing has been written then.
 #[derive(Debug)]
 pub enum Error {
@@ -22,6 +24,15 @@ pub enum Error {
     },
     /// A file was read and what stands in it is wrong.
     Input(Box<BadInput>),
+    /// A file of parameters is refused.
+    Blob {
+        /// As named on the command line.
+        file: PathBuf,
+        /// Why.
+        cause: BlobError,
+    },
+    /// A result could not be put into JSON.
+    Json(serde_json::Error),
     /// The options contradict each other or the files.
     Usage(String),
 }
@@ -146,6 +157,8 @@ impl fmt::Display for Error {
                 write!(f, "{}: cannot be written: {cause}", file.display())
             }
             Self::Input(bad) => write!(f, "{bad}"),
+            Self::Blob { file, cause } => write!(f, "{}: {cause}", file.display()),
+            Self::Json(cause) => write!(f, "the result cannot be written as JSON: {cause}"),
             Self::Usage(what) => write!(f, "{what}"),
         }
     }
@@ -155,6 +168,8 @@ impl std::error::Error for Error {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Self::Read { cause, .. } | Self::Write { cause, .. } => Some(cause),
+            Self::Blob { cause, .. } => Some(cause),
+            Self::Json(cause) => Some(cause),
             Self::Input(_) | Self::Usage(_) => None,
         }
     }

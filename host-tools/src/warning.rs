@@ -80,6 +80,15 @@ pub enum Warning {
         /// Targets, 2 for `x2`.
         targets: Vec<usize>,
     },
+    /// The model depends on a condition that the table does not have.
+    ConditionMissing {
+        /// The table.
+        file: PathBuf,
+        /// The column that would give it.
+        column: String,
+        /// Kind of the effect that depends on it.
+        effect: &'static str,
+    },
     /// A robot description stands where the sidecar is looked for.
     NotASidecar {
         /// The file.
@@ -173,6 +182,16 @@ impl fmt::Display for Warning {
                     names.join(", ")
                 )
             }
+            Self::ConditionMissing {
+                file,
+                column,
+                effect,
+            } => write!(
+                f,
+                "{}: no column {column}, which the model's {effect} depends on: taken as 0; \
+                 add it",
+                file.display()
+            ),
             Self::NotASidecar { file } => write!(
                 f,
                 "{}: describes a robot, so it is not read for the instrument's noise; rename \

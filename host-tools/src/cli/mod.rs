@@ -1,0 +1,88 @@
+//! The subcommands, one file each.
+//!
+//! To add one: a file with `Options` (its arguments, shared ones from [`options`]),
+//! `files(&Options)`, which names what it reads and writes, and `run(&Options)`, a line in
+//! [`Command`] and one in [`run`]. The outputs are checked before `run` starts. It says what
+//! it noticed with [`warn`] and hands back what is printed and written: nothing is written
+//! before all of it is there.
+
+mod inspect;
+mod options;
+mod predict;
+
+use std::path::{Path, PathBuf};
+
+use clap::{Parser, Subcommand};
+use truepose_host::error::Error;
+use truepose_host::output::{self, Output};
+use truepose_host::warning::Warning;
+
+const EXIT: &str = "Exit status: 0 done; 1 done, and the answer is no; 2 could not.";
+
+/// Measures what a robot arm really is and tells its controller.
+#[derive(Debug, Parser)]
+#[command(name = "truepose", version, about, after_help = EXIT)]
+pub(crate) struct Arguments {
+    /// Write what is printed to FILE as JSON too
+    #[arg(long, global = true, value_name = "FILE")]
+    json: Option<PathBuf>,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Predict(predict::Options),
+    Inspect(inspect::Options),
+}
+
+/// What a command reads and writes, `--json` aside.
+#[derive(Debug)]
+pub(crate) struct Files<'a> {
+    pub(crate) inputs: Vec<&'a Path>,
+    pub(crate) outputs: Vec<&'a Path>,
+}
+
+/// What a command found out.
+#[derive(Debug)]
+pub(crate) struct Outcome {
+    /// For stdout, with its last line break.
+    pub(crate) text: String,
+    /// The same for `--json`.
+    pub(crate) json: serde_json::Value,
+    /// Files to write.
+    pub(crate) outputs: Vec<Output>,
+    /// False if the answer is no, such as an accuracy that is not met: exit status 1.
+    pub(crate) answer: bool,
+}
+
+/// Runs the command and writes its files.
+pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
+    let mut files = match &arguments.command {
+        Command::Predict(options) => predict::files(options),
+        Command::Inspect(options) => inspect::files(options),
+    };
+    files.outputs.extend(arguments.json.as_deref());
+    output::check(&files.outputs, &files.inputs)?;
+    let mut outcome = match &arguments.command {
+        Command::Predict(options) => predict::run(options),
+        Command::Inspect(options) => inspect::run(options),
+    }?;
+    if let Some(file) = &arguments.json {
+        let mut bytes = format!("{:#}", outcome.json).into_bytes();
+        bytes.push(b'\n');
+        outcome.outputs.push(Output {
+            file: file.clone(),
+            bytes,
+        });
+    }
+    output::commit(&outcome.outputs)?;
+    Ok(outcome)
+}
+
+/// Says on stderr what was noticed.
+fn warn(warnings: &[Warning]) {
+    for warning in warnings {
+        eprintln!("warning: {warning}");
+    }
+}

@@ -1,0 +1,29 @@
+//! Options that several subcommands share, each defined once.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+/// `--params`.
+#[derive(Debug, Args)]
+pub(super) struct Params {
+    /// Parameters, as identify or diagnose wrote them
+    #[arg(long, value_name = "P.tpb")]
+    pub(super) params: PathBuf,
+}
+
+/// `--data`.
+#[derive(Debug, Args)]
+pub(super) struct Data {
+    /// Measurements; the instrument's noise is read from the .toml of the same name
+    #[arg(long, value_name = "D.csv")]
+    pub(super) data: PathBuf,
+}
+
+/// `--out`.
+#[derive(Debug, Args)]
+pub(super) struct Out {
+    /// Where the result goes
+    #[arg(long, value_name = "FILE")]
+    pub(super) out: PathBuf,
+}
