@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::{Displacement, Posture};
 use crate::chain::{Frame, Gauge};
 use crate::jacobian::carried;
-use crate::{Joint, Pose, Scalar, Twist};
+use crate::{Convention, Joint, Pose, Scalar, Twist};
 
 /// The described arm beside its baked form, for effects to attach themselves to.
 #[derive(Clone, Copy, Debug)]
@@ -26,13 +26,16 @@ pub struct Description<'d, T: Scalar> {
 }
 
 impl<T: Scalar> Description<'_, T> {
-    /// Next joint's described frame before its motion (beyond the last joint: the tool),
-    /// seen from joint `j`'s described frame after the motion. The link `j`, in short.
+    /// The link beyond joint `j`: the next joint's described frame before its motion, seen
+    /// from joint `j`'s described frame after the motion. Beyond the last joint: the link's
+    /// distal frame, or the tool where zero reference knows no such frame.
     pub fn link(&self, j: usize) -> Option<Pose<T>> {
-        let after = self.joints.get(j)?.after();
+        let joint = self.joints.get(j)?;
+        let after = joint.after();
         Some(match self.joints.get(j + 1) {
             Some(next) => after.then(&next.before()),
-            None => after.then(self.tool),
+            None if joint.convention == Convention::ZeroReference => after.then(self.tool),
+            None => after,
         })
     }
 }
@@ -72,6 +75,15 @@ impl<T: Scalar> Anchor<T> {
     pub(super) fn origin(&self, frame: &Frame<T>) -> Vector3<T> {
         let [_, _, x, y, z] = self.0;
         frame.origin + frame.rotation * Vector3::new(x, y, z)
+    }
+
+    /// x and y axes of the described frame, given the baked one.
+    #[inline]
+    pub(super) fn axes(&self, frame: &Frame<T>) -> [Vector3<T>; 2] {
+        let [c, s, ..] = self.0;
+        let x = frame.rotation.column(0);
+        let y = frame.rotation.column(1);
+        [x * c + y * s, y * c - x * s]
     }
 }
 

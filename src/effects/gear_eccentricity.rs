@@ -86,7 +86,13 @@ impl<T: Scalar> EffectModel<T> for GearEccentricity<T> {
 
     #[inline]
     fn reading_partial(&self, k: usize, at: &Reading<'_, T>) -> T {
-        let (s, c) = (self.order * entry(at.q, usize::from(self.joint))).sincos();
-        if k == 0 { s } else { c - T::one() }
+        harmonic(k, self.order * entry(at.q, usize::from(self.joint)))
     }
+}
+
+/// Sine (`k` = 0) or cosine less 1 of an angle in rad.
+#[inline]
+pub(super) fn harmonic<T: Scalar>(k: usize, angle: T) -> T {
+    let (s, c) = angle.sincos();
+    if k == 0 { s } else { c - T::one() }
 }

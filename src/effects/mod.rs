@@ -9,37 +9,58 @@
 //! of the `effects!` list, a line in [`KINDS`], an arm in [`Effect::named`].
 
 mod anchor;
+mod axis_wobble;
+mod backlash;
+mod base_flex;
 mod cross_axis_compliance;
 mod gear_eccentricity;
+mod gear_ripple;
+mod gravity_lever;
 mod joint_compliance;
+mod joint_coupling;
 mod joint_curve;
 mod joint_gain;
+mod link_bending;
 mod naming;
+mod prismatic_straightness;
 mod situation;
 mod step_change;
 mod thermal_drift;
+mod thermal_growth;
 mod time_drift;
+mod tool_load;
+mod unnamed;
 mod warm_up;
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::{JointKind, Scalar, Twist};
+use situation::since;
 
 pub use anchor::{AXES, Anchor, Description, Place};
+pub use axis_wobble::{AxisWobble, Wobble};
+pub use backlash::Backlash;
+pub use base_flex::BaseFlex;
 pub use cross_axis_compliance::CrossAxisCompliance;
 pub use gear_eccentricity::GearEccentricity;
+pub use gear_ripple::GearRipple;
+pub use gravity_lever::GravityLever;
 pub use joint_compliance::JointCompliance;
+pub use joint_coupling::JointCoupling;
 pub use joint_curve::{Hat, JointCurve, Table, UNMEASURED, encode, hat};
 pub use joint_gain::JointGain;
-pub use naming::{KINDS, Kind, Needs, Selector};
+pub use link_bending::LinkBending;
+pub use naming::{KINDS, Kind, Needs, Selector, Wish};
+pub use prismatic_straightness::PrismaticStraightness;
 pub use situation::{Ambient, Conditions, MAX_SENSORS, Posture, Reading, gravity_loads};
 pub use step_change::StepChange;
 pub use thermal_drift::ThermalDrift;
+pub use thermal_growth::ThermalGrowth;
 pub use time_drift::TimeDrift;
+pub use tool_load::ToolLoad;
+pub use unnamed::{FADE, Factor, ONE, RAMP, Shape, Unnamed, Variable};
 pub use warm_up::WarmUp;
-
-use situation::since;
 
 /// When an effect is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -207,6 +228,28 @@ effects! { 'a:
     WarmUp,
     /// See [`StepChange`].
     StepChange,
+    /// See [`GearRipple`].
+    GearRipple,
+    /// See [`LinkBending`].
+    LinkBending,
+    /// See [`BaseFlex`].
+    BaseFlex,
+    /// See [`ToolLoad`].
+    ToolLoad,
+    /// See [`GravityLever`].
+    GravityLever,
+    /// See [`Backlash`].
+    Backlash,
+    /// See [`ThermalGrowth`].
+    ThermalGrowth,
+    /// See [`JointCoupling`].
+    JointCoupling,
+    /// See [`AxisWobble`].
+    AxisWobble,
+    /// See [`PrismaticStraightness`].
+    PrismaticStraightness,
+    /// See [`Unnamed`].
+    Unnamed,
 }
 
 impl<T: Scalar> Effect<'_, T> {

@@ -1,10 +1,12 @@
 //! Effects by the kinds that reports and the command line name.
 
 use super::{
-    AXES, CrossAxisCompliance, Effect, GearEccentricity, JointCompliance, JointCurve, JointGain,
-    Place, StepChange, Table, ThermalDrift, TimeDrift, WarmUp,
+    AXES, AxisWobble, Backlash, BaseFlex, CrossAxisCompliance, Effect, GearEccentricity,
+    GearRipple, GravityLever, JointCompliance, JointCoupling, JointCurve, JointGain, LinkBending,
+    Place, PrismaticStraightness, StepChange, Table, ThermalDrift, ThermalGrowth, TimeDrift,
+    ToolLoad, WarmUp, Wobble,
 };
-use crate::Scalar;
+use crate::{JointKind, Scalar};
 
 /// Time constant that a warm-up starts from, s: a quarter of the 20 min of MRD 7.6.
 const TAU: f64 = 300.0;
@@ -29,10 +31,10 @@ pub struct Selector {
 pub enum Needs {
     /// Joint readings only.
     Joints,
-    /// Link masses or a payload.
-    Masses,
-    /// Gravity alone.
+    /// Gravity's direction.
     Gravity,
+    /// Gravity, and link masses or a payload.
+    Masses,
     /// The direction of the last move.
     Direction,
     /// A temperature.
@@ -41,33 +43,56 @@ pub enum Needs {
     Time,
 }
 
-/// A kind of effect.
+/// Whether a kind wants an order or another joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wish {
+    /// It has none.
+    No,
+    /// May be given.
+    May,
+    /// Has to be given.
+    Must,
+}
+
+/// A kind of effect: what to try, and what for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kind {
     /// As it stands in reports.
     pub name: &'static str,
     /// What it needs in the data.
     pub needs: Needs,
-    /// It acts on a joint; if also on the base, without a joint.
+    /// It acts on (or through) a joint.
     pub joint: bool,
-    /// It acts on the base, or may.
+    /// It acts on the base, if no joint is given.
     pub base: bool,
-    /// It has an order.
-    pub order: bool,
-    /// Names of its components, where one effect is one of several; of the base, where it
-    /// may act on a joint or on the base.
+    /// The kind of joint that it is for; `None`: any.
+    pub only: Option<JointKind>,
+    /// [`Selector::order`].
+    pub order: Wish,
+    /// [`Selector::from`].
+    pub from: Wish,
+    /// Names of its components, where one effect is one of several; where it may act on a
+    /// joint or the base, those of the base.
     pub components: &'static [&'static str],
 }
 
+const JOINT: Kind = Kind {
+    name: "",
+    needs: Needs::Joints,
+    joint: true,
+    base: false,
+    only: None,
+    order: Wish::No,
+    from: Wish::No,
+    components: &[],
+};
+
 impl Kind {
-    const fn of_joint(name: &'static str, needs: Needs) -> Self {
+    const fn joint(name: &'static str, needs: Needs) -> Self {
         Self {
             name,
             needs,
-            joint: true,
-            base: false,
-            order: false,
-            components: &[],
+            ..JOINT
         }
     }
 
@@ -75,61 +100,124 @@ impl Kind {
         Self {
             base: true,
             components: &AXES,
-            ..Self::of_joint(name, needs)
+            ..Self::joint(name, needs)
         }
     }
 
-    const fn with_order(self) -> Self {
-        Self {
-            order: true,
-            ..self
-        }
+    /// The kind of that name.
+    pub fn of(name: &str) -> Option<&'static Self> {
+        KINDS.iter().find(|kind| kind.name == name)
     }
 }
 
-/// Every kind that the model can evaluate, without the unnamed rest. Faults of the recording,
-/// which only exist on the host, are not here.
+/// Every kind that the controller can evaluate and that has a name. The faults of a recording
+/// (`early-reading`, `instrument-moved`) are not here: they only exist where it is read.
 pub const KINDS: &[Kind] = &[
-    Kind::of_joint("joint-gain", Needs::Joints),
-    Kind::of_joint("gear-eccentricity", Needs::Joints).with_order(),
-    Kind::of_joint("joint-compliance", Needs::Masses),
-    Kind::of_joint("joint-curve", Needs::Joints),
-    Kind::of_joint("cross-axis-compliance", Needs::Masses),
+    Kind::joint("joint-gain", Needs::Joints),
+    Kind {
+        order: Wish::Must,
+        ..Kind::joint("gear-eccentricity", Needs::Joints)
+    },
+    Kind::joint("joint-curve", Needs::Joints),
+    Kind {
+        order: Wish::Must,
+        ..Kind::joint("gear-ripple", Needs::Joints)
+    },
+    // With `from`: a free gravity lever, which needs no masses.
+    Kind {
+        from: Wish::May,
+        ..Kind::joint("joint-compliance", Needs::Masses)
+    },
+    Kind::joint("cross-axis-compliance", Needs::Masses),
+    Kind::joint("tool-load", Needs::Gravity),
+    Kind::joint("link-bending", Needs::Masses),
+    Kind {
+        joint: false,
+        base: true,
+        ..Kind::joint("base-flex", Needs::Masses)
+    },
+    Kind::joint("backlash", Needs::Direction),
+    Kind::joint("thermal-growth", Needs::Temperature),
     Kind::drift("thermal-drift", Needs::Temperature),
     Kind::drift("time-drift", Needs::Time),
     Kind::drift("warm-up", Needs::Time),
     Kind::drift("step-change", Needs::Time),
+    Kind {
+        from: Wish::Must,
+        ..Kind::joint("joint-coupling", Needs::Joints)
+    },
+    Kind {
+        order: Wish::Must,
+        only: Some(JointKind::Revolute),
+        components: &Wobble::NAMES,
+        ..Kind::joint("axis-wobble", Needs::Joints)
+    },
+    Kind {
+        only: Some(JointKind::Prismatic),
+        components: &AXES,
+        ..Kind::joint("prismatic-straightness", Needs::Joints)
+    },
 ];
 
 impl<T: Scalar> Effect<'_, T> {
     /// The effect of this kind that `selector` says, all values zero, not yet attached.
-    /// `None` for an unknown kind or if the selector lacks what the kind needs.
     ///
-    /// A joint curve comes without cells and is zero until it gets some.
+    /// `None` for an unknown kind, or if the selector lacks what the kind needs or has a
+    /// component that there is not. What the kind does not use is ignored. A joint curve comes
+    /// without cells and is zero until it gets some; constants that the selector does not
+    /// give are first guesses.
     pub fn named(kind: &str, selector: &Selector) -> Option<Self> {
-        let joint = || selector.joint.and_then(|j| u8::try_from(j).ok());
+        let components = Kind::of(kind)?.components.len().max(1);
+        let component = selector.component.unwrap_or(0);
+        if usize::from(component) >= components {
+            return None;
+        }
+        let narrow = |j: Option<usize>| u8::try_from(j?).ok();
+        let joint = || narrow(selector.joint);
+        let from = || narrow(selector.from);
+        let order = || selector.order.map(T::of);
         let sensor = selector.sensor.unwrap_or(0);
-        let place = || match (selector.joint, selector.component.unwrap_or(0)) {
-            (Some(j), _) => Some(Place::Joint(u8::try_from(j).ok()?)),
-            (None, axis) => (usize::from(axis) < AXES.len()).then(|| Place::base(axis)),
+        let place = || match selector.joint {
+            Some(_) => joint().map(Place::Joint),
+            None => Some(Place::base(component)),
         };
         Some(match kind {
             "joint-gain" => Self::JointGain(JointGain::new(joint()?)),
             "gear-eccentricity" => {
-                let order = T::of(selector.order.unwrap_or(1.0));
-                Self::GearEccentricity(GearEccentricity::new(joint()?, order))
+                Self::GearEccentricity(GearEccentricity::new(joint()?, order()?))
             }
-            "joint-compliance" => Self::JointCompliance(JointCompliance::new(joint()?)),
             "joint-curve" => {
                 Self::JointCurve(JointCurve::turn(joint()?, T::zero(), Table::Values(&[])))
             }
+            "gear-ripple" => Self::GearRipple(GearRipple::new(joint()?, order()?)),
+            "joint-compliance" if selector.from.is_some() => {
+                Self::GravityLever(GravityLever::new(joint()?, from()?))
+            }
+            "joint-compliance" => Self::JointCompliance(JointCompliance::new(joint()?)),
             "cross-axis-compliance" => {
                 Self::CrossAxisCompliance(CrossAxisCompliance::new(joint()?))
             }
+            "tool-load" => Self::ToolLoad(ToolLoad::new(joint()?)),
+            "link-bending" => Self::LinkBending(LinkBending::new(joint()?)),
+            "base-flex" => Self::BaseFlex(BaseFlex::default()),
+            "backlash" => Self::Backlash(Backlash::new(joint()?)),
+            "thermal-growth" => Self::ThermalGrowth(ThermalGrowth::new(joint()?, sensor)),
             "thermal-drift" => Self::ThermalDrift(ThermalDrift::new(place()?, sensor)),
             "time-drift" => Self::TimeDrift(TimeDrift::new(place()?)),
             "warm-up" => Self::WarmUp(WarmUp::new(place()?, T::of(TAU))),
             "step-change" => Self::StepChange(StepChange::new(place()?, T::zero())),
+            "joint-coupling" => Self::JointCoupling(JointCoupling::new(joint()?, from()?)),
+            "axis-wobble" => {
+                let motion = if component == 0 {
+                    Wobble::Tilt
+                } else {
+                    Wobble::Shift
+                };
+                Self::AxisWobble(AxisWobble::new(joint()?, motion, order()?))
+            }
+            "prismatic-straightness" => {
+                Self::PrismaticStraightness(PrismaticStraightness::new(joint()?, component))
+            }
             _ => return None,
         })
     }

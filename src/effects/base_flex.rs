@@ -1,0 +1,90 @@
+//! A base that tilts under the arm's weight.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::{Description, Displacement, EffectModel, Posture, Stage};
+use crate::{Scalar, Twist};
+
+/// Base flex: tilts the robot base about its own x and y axes, each by `compliance` times
+/// gravity's moment about that axis, about the described base's origin.
+///
+/// Needs link masses or a payload; with neither it is zero.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BaseFlex<T: Scalar> {
+    /// About x and about y, rad/(N m).
+    pub compliance: [T; 2],
+    /// x, y and origin (m) of the described base in the baked one.
+    pub base: [Vector3<T>; 3],
+}
+
+impl<T: Scalar> Default for BaseFlex<T> {
+    /// A stiff base.
+    fn default() -> Self {
+        Self {
+            compliance: [T::zero(); 2],
+            base: [Vector3::x(), Vector3::y(), Vector3::zeros()],
+        }
+    }
+}
+
+impl<T: Scalar> BaseFlex<T> {
+    pub(super) fn cast<U: Scalar>(&self) -> BaseFlex<U> {
+        BaseFlex {
+            compliance: self.compliance.map(|x| U::of(x.widen())),
+            base: self.base.map(|v| v.map(|x| U::of(x.widen()))),
+        }
+    }
+}
+
+impl<T: Scalar> EffectModel<T> for BaseFlex<T> {
+    fn kind(&self) -> &'static str {
+        "base-flex"
+    }
+
+    fn joint(&self) -> Option<usize> {
+        None
+    }
+
+    fn parameters(&self) -> &'static [(&'static str, &'static str)] {
+        &[("x", "rad/(N m)"), ("y", "rad/(N m)")]
+    }
+
+    fn values(&self) -> &[T] {
+        &self.compliance
+    }
+
+    fn values_mut(&mut self) -> &mut [T] {
+        &mut self.compliance
+    }
+
+    fn attach(&mut self, to: &Description<'_, T>) {
+        let (r, p) = (&to.base.rotation, to.base.translation);
+        self.base = [r.column(0).into_owned(), r.column(1).into_owned(), p];
+    }
+
+    fn anchors_are_finite(&self) -> bool {
+        self.base.iter().all(|v| v.iter().all(|x| x.finite()))
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Posture
+    }
+
+    #[inline]
+    fn posture_partial(&self, k: usize, at: &Posture<'_, T>) -> Displacement<T> {
+        let (Some(frame), Some(moment), Some(force)) =
+            (at.frames.first(), at.moments.first(), at.forces.first())
+        else {
+            return Displacement::zero();
+        };
+        let [x, y, origin] = &self.base;
+        let origin = at.base.point(origin);
+        let axis = at.base.rotation * if k == 0 { x } else { y };
+        let moment = moment + (frame.origin - origin).cross(force);
+        Displacement {
+            twist: Twist::new(Vector3::zeros(), axis * moment.dot(&axis)),
+            origin,
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! A link that grows with the temperature.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::{Description, Displacement, EffectModel, Posture, Selector, Stage, entry};
+use crate::{JointKind, Scalar, Twist};
+
+/// Thermal growth: lengthens the link beyond the joint by `growth` of its length per K, along
+/// the line between the described joint frames; a slide grows with what it has moved, MRD 7.1.
+///
+/// Zero where the temperature is not known.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ThermalGrowth<T: Scalar> {
+    /// Joint before the link, from 0.
+    pub joint: u8,
+    /// Temperature sensor, from 0.
+    pub sensor: u8,
+    /// degC.
+    pub reference: T,
+    /// 1/K.
+    pub growth: [T; 1],
+    /// The link in the baked joint frame, m.
+    pub link: Vector3<T>,
+}
+
+impl<T: Scalar> ThermalGrowth<T> {
+    /// No growth yet, counted from 20 degC; no link before it is attached to one.
+    pub fn new(joint: u8, sensor: u8) -> Self {
+        Self {
+            joint,
+            sensor,
+            reference: T::of(20.0),
+            growth: [T::zero()],
+            link: Vector3::zeros(),
+        }
+    }
+
+    pub(super) fn cast<U: Scalar>(&self) -> ThermalGrowth<U> {
+        ThermalGrowth {
+            joint: self.joint,
+            sensor: self.sensor,
+            reference: U::of(self.reference.widen()),
+            growth: self.growth.map(|x| U::of(x.widen())),
+            link: self.link.map(|x| U::of(x.widen())),
+        }
+    }
+}
+
+impl<T: Scalar> EffectModel<T> for ThermalGrowth<T> {
+    fn kind(&self) -> &'static str {
+        "thermal-growth"
+    }
+
+    fn joint(&self) -> Option<usize> {
+        Some(usize::from(self.joint))
+    }
+
+    fn selector(&self) -> Selector {
+        Selector {
+            joint: self.joint(),
+            sensor: Some(self.sensor),
+            ..Selector::default()
+        }
+    }
+
+    fn parameters(&self) -> &'static [(&'static str, &'static str)] {
+        &[("growth", "1/K")]
+    }
+
+    fn values(&self) -> &[T] {
+        &self.growth
+    }
+
+    fn values_mut(&mut self) -> &mut [T] {
+        &mut self.growth
+    }
+
+    fn constant_names(&self) -> &'static [(&'static str, &'static str)] {
+        &[("reference", "degC")]
+    }
+
+    fn constants(&self) -> &[T] {
+        core::slice::from_ref(&self.reference)
+    }
+
+    fn constants_mut(&mut self) -> &mut [T] {
+        core::slice::from_mut(&mut self.reference)
+    }
+
+    fn attach(&mut self, to: &Description<'_, T>) {
+        let j = usize::from(self.joint);
+        if let (Some(link), Some(gauge)) = (to.link(j), to.gauges.get(j)) {
+            self.link = gauge.rotation * link.translation;
+        }
+    }
+
+    fn anchors_are_finite(&self) -> bool {
+        self.link.iter().all(|x| x.finite())
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Posture
+    }
+
+    #[inline]
+    fn posture_partial(&self, _k: usize, at: &Posture<'_, T>) -> Displacement<T> {
+        let j = usize::from(self.joint);
+        let (Some(joint), Some(frame)) = (at.joints.get(j), at.frames.get(j)) else {
+            return Displacement::zero();
+        };
+        let mut link = self.link;
+        if joint.kind == JointKind::Prismatic {
+            link.z += entry(at.q, j);
+        }
+        let warming = at.ambient.warming(self.sensor, self.reference);
+        Displacement {
+            twist: Twist::new(frame.rotation * link * warming, Vector3::zeros()),
+            origin: frame.origin,
+        }
+    }
+}
