@@ -335,7 +335,7 @@ fn hats_hold_at_both_ends_of_the_table() {
         -1e-18,
         0.0,
         1e-18,
-        6.283_185_307,
+        std::f64::consts::TAU,
         6.3,
         1e9,
         f64::NAN,
