@@ -8,9 +8,10 @@ use described::{Described, Given};
 use nalgebra::Vector3;
 use support::Random;
 use truepose::effects::{
-    Ambient, AxisWobble, BaseFlex, CrossAxisCompliance, Effect, GravityLever, JointCompliance,
-    JointCurve, LinkBending, Place, Shape, StepChange, Table, ThermalGrowth, ToolLoad, UNMEASURED,
-    Unnamed, Variable, WarmUp, Wobble, encode, hat,
+    Ambient, AxisWobble, BaseFlex, Bends, CrossAxisCompliance, CurveSegment, Effect, Factor,
+    GravityLever, Grows, JointCompliance, JointCurve, LinkBending, ONE, Place, Reading, Shape,
+    StepChange, ThermalGrowth, ToolLoad, UNMEASURED, Unnamed, Variable, WarmUp, Wobble, encode,
+    hat,
 };
 use truepose::{Joint, JointKind, LinkMass, Pose, Twist};
 
@@ -72,16 +73,26 @@ fn a_cantilever_sags_by_a_third_of_its_cube() {
     let slope = c * f * 0.25 / 2.0;
     let bent = twist(
         &arm,
-        Effect::LinkBending(LinkBending::new(0)),
+        Effect::LinkBending(LinkBending::new(0, Bends::Beam)),
         &[c, 0.0],
         &resting(&[0.0], 2.0),
     );
     // the end turns downward: about +y
     assert_twist(&bent, [0.0, 0.0, -sag], [0.0, slope, 0.0], EXACT);
+    // soft at its end it only turns there, and an end load has no lever
+    let end = |payload_com| {
+        let mut given = resting(&[0.0], 2.0);
+        given.ambient.payload_com = payload_com;
+        let soft = Effect::LinkBending(LinkBending::new(0, Bends::AtEnd));
+        twist(&arm, soft, &[c, 0.0], &given)
+    };
+    assert_twist(&end(Vector3::zeros()), [0.0; 3], [0.0; 3], EXACT);
+    let turn = c * f * 0.2;
+    assert_twist(&end(Vector3::x() * 0.2), [0.0; 3], [0.0, turn, 0.0], EXACT);
     // no lateral load, no lateral bending
     let other = twist(
         &arm,
-        Effect::LinkBending(LinkBending::new(0)),
+        Effect::LinkBending(LinkBending::new(0, Bends::Beam)),
         &[0.0, c],
         &resting(&[0.0], 2.0),
     );
@@ -214,7 +225,7 @@ fn a_link_grows_along_itself_and_a_slide_with_its_way() {
     given.ambient.temperature[1] = 30.0;
     let grown = twist(
         &arm,
-        Effect::ThermalGrowth(ThermalGrowth::new(0, 1)),
+        Effect::ThermalGrowth(ThermalGrowth::new(0, Grows::Link, 1)),
         &[2e-5],
         &given,
     );
@@ -225,17 +236,16 @@ fn a_link_grows_along_itself_and_a_slide_with_its_way() {
         ..planar(1)
     };
     given.q = vec![0.7];
-    let grown = twist(
-        &rail,
-        Effect::ThermalGrowth(ThermalGrowth::new(0, 1)),
-        &[2e-5],
-        &given,
-    );
-    assert_twist(&grown, [0.0, -1.6e-4, 0.0], [0.0; 3], EXACT);
+    let grow = |grows| {
+        let growth = Effect::ThermalGrowth(ThermalGrowth::new(0, grows, 1));
+        twist(&rail, growth, &[2e-5], &given)
+    };
+    assert_twist(&grow(Grows::Link), [0.0, -2e-5, 0.0], [0.0; 3], EXACT);
+    assert_twist(&grow(Grows::Travel), [0.0, -1.4e-4, 0.0], [0.0; 3], EXACT);
 }
 
 #[test]
-fn a_wobbling_axis_leans_in_the_directions_of_the_link_before() {
+fn a_wobbling_axis_leans_in_the_directions_of_its_standing_or_its_turning_ring() {
     let mut arm = planar(1);
     arm.base = Pose::identity();
     for q in [0.4, -1.3, 2.9_f64] {
@@ -257,6 +267,12 @@ fn a_wobbling_axis_leans_in_the_directions_of_the_link_before() {
         assert_twist(&tilt, [0.0, 0.0, -c * x], [0.0, c, 0.0], EXACT);
         let shift = wobble(Wobble::Shift, [0.0, 1e-4, 1e-4, 0.0]);
         assert_twist(&shift, [c, s, 0.0], [0.0; 3], EXACT);
+        // tilt about the turning y axis: the end of the link along x goes down
+        let tilt = wobble(Wobble::TurningTilt, [0.0, 0.0, 1e-4, 0.0]);
+        let across = [-s * q.sin(), s * q.cos(), 0.0];
+        assert_twist(&tilt, [0.0, 0.0, -0.5 * s], across, EXACT);
+        let shift = wobble(Wobble::TurningShift, [1e-4, 0.0, 0.0, 0.0]);
+        assert_twist(&shift, [s * q.cos(), s * q.sin(), 0.0], [0.0; 3], EXACT);
     }
 }
 
@@ -287,42 +303,65 @@ fn a_warm_up_dies_away_and_a_step_stays() {
 
 #[test]
 fn a_curve_passes_through_its_cells_and_is_silent_where_nothing_was_measured() {
-    let cells = [1e-3, -2e-3, f64::NAN, 0.5e-3, 0.0, 1.5e-3];
-    let mut bytes = [0; 12];
+    let cells = [
+        1e-3,
+        -2e-3,
+        f64::NAN,
+        0.5e-3,
+        0.0,
+        1.5e-3,
+        1.2e-3,
+        0.9e-3,
+        -0.1e-3,
+        -1.1e-3,
+    ];
+    let mut bytes = [0; 20];
     let scale = encode(&cells, &mut bytes).unwrap();
-    let stored: JointCurve<'_, f64> = JointCurve::turn(0, scale, Table::Counts(&bytes));
-    let plain: JointCurve<'_, f64> = JointCurve::turn(0, 1.0, Table::Values(&cells));
-    let angle = |cell: f64| cell * std::f64::consts::TAU / 6.0;
-    let at = |curve: JointCurve<'_, f64>, q: f64| {
-        Effect::JointCurve(curve)
-            .addition(&truepose::effects::Reading {
-                q: &[q],
-                direction: &[0.0],
-                ambient: &Ambient::default(),
-            })
-            .1
+    let stored = Effect::JointCurve(JointCurve::turn(0, scale, &bytes));
+    let whole_turn = std::f64::consts::TAU;
+    let plain: Vec<Effect<'_, f64>> = CurveSegment::split(0, 10, whole_turn)
+        .map(|mut segment| {
+            let from = usize::from(segment.first);
+            let quiet = cells.iter().map(|x| if x.is_nan() { 0.0 } else { *x });
+            for (value, cell) in segment.values.iter_mut().zip(quiet.skip(from)) {
+                *value = cell;
+            }
+            Effect::CurveSegment(segment)
+        })
+        .collect();
+    assert_eq!(plain.len(), 2);
+    let angle = |cell: f64| cell * whole_turn / 10.0;
+    let at = |curve: &[Effect<'_, f64>], q: f64| -> f64 {
+        let reading = Reading {
+            q: &[q],
+            direction: &[0.0],
+            ambient: &Ambient::default(),
+        };
+        curve.iter().map(|e| e.addition(&reading).1).sum()
     };
     for turn in [-2.0, 0.0, 1.0] {
-        for i in 0..60 {
+        for i in 0..100 {
             let cell = f64::from(i) / 10.0;
-            let q = angle(cell + 6.0 * turn);
-            let (low, high) = (cells[i as usize / 10], cells[(i as usize / 10 + 1) % 6]);
+            let q = angle(cell + 10.0 * turn);
+            let (low, high) = (cells[i as usize / 10], cells[(i as usize / 10 + 1) % 10]);
             let quiet = |x: f64| if x.is_nan() { 0.0 } else { x };
             let f = cell.fract();
             let expected = quiet(low) * (1.0 - f) + quiet(high) * f;
-            assert!((at(plain, q) - expected).abs() < 1e-16 + 3e-3 * 20.0 * f64::EPSILON);
+            // rounding of a turn or two, times the slope of the table
+            assert!((at(&plain, q) - expected).abs() < 3e-3 * 50.0 * f64::EPSILON);
             // half a count
-            assert!((at(stored, q) - expected).abs() <= 0.5001 * scale);
+            assert!((at(&[stored], q) - expected).abs() <= 0.5001 * scale);
         }
     }
-    let table = Table::Counts(&bytes);
-    assert_eq!(table.cell::<f64>(2), None);
+    let curve: JointCurve<'_, f64> = JointCurve::turn(0, scale, &bytes);
+    assert_eq!(curve.cell(2), None);
     assert_eq!(bytes[4..6], UNMEASURED.to_le_bytes());
-    assert!(table.cell::<f64>(3).is_some());
-    assert_eq!(table.cell::<f64>(6), None);
+    assert!(curve.cell(3).is_some());
+    assert_eq!(curve.cell(10), None);
     // without cells it is nothing
-    assert!(at(JointCurve::turn(0, 1.0, Table::Counts(&[])), 1.0).abs() < EXACT);
-    assert!(encode(&cells, &mut bytes[..11]).is_none());
+    let empty = Effect::JointCurve(JointCurve::turn(0, 1.0, &[]));
+    assert!(at(&[empty], 1.0).abs() < EXACT);
+    assert!(encode(&cells, &mut [0; 19]).is_none());
     assert_eq!(encode(&[0.0, 0.0], &mut [0; 4]), Some(0.0));
 }
 
@@ -352,13 +391,13 @@ fn hats_hold_at_both_ends_of_the_table() {
 fn unnamed_terms_fade_to_zero_beyond_what_was_seen() {
     let seen = |shape, parameter| {
         let variable = Variable::Joint(0);
-        let factor = truepose::effects::Factor { variable, shape };
+        let factor = Factor { variable, shape };
         let limits = [[parameter, -1.0, 2.0], [0.0; 3]];
-        let mut term = Unnamed::new(Place::Joint(0), [factor, truepose::effects::ONE], limits);
+        let mut term = Unnamed::new(Place::Joint(0), [factor, ONE], limits);
         term.amplitude = [1.0];
         move |q: f64| {
             Effect::Unnamed(term)
-                .addition(&truepose::effects::Reading {
+                .addition(&Reading {
                     q: &[q],
                     direction: &[0.0],
                     ambient: &Ambient::default(),

@@ -10,20 +10,27 @@ use described::{Baked, Described, Given};
 use nalgebra::Vector3;
 use support::Random;
 use truepose::effects::{
-    AXES, Ambient, AxisWobble, Backlash, BaseFlex, CrossAxisCompliance, Description, Effect,
-    Factor, GearEccentricity, GearRipple, GravityLever, JointCompliance, JointCoupling, JointCurve,
-    JointGain, KINDS, LinkBending, ONE, Place, PrismaticStraightness, Reading, Selector, Shape,
-    Stage, StepChange, Table, ThermalDrift, ThermalGrowth, TimeDrift, ToolLoad, Unnamed, Variable,
-    WarmUp, Wish, Wobble,
+    AXES, Ambient, AxisWobble, Backlash, BaseFlex, Bends, CrossAxisCompliance, CurveSegment,
+    Effect, Factor, GearEccentricity, GearRipple, GravityLever, Grows, JointCompliance,
+    JointCoupling, JointCurve, JointGain, KINDS, LinkBending, ONE, Place, PrismaticStraightness,
+    Reading, SEGMENT, Selector, Shape, Stage, StepChange, ThermalDrift, ThermalGrowth, TimeDrift,
+    ToolLoad, Unnamed, Variable, WarmUp, Wish, Wobble,
 };
 use truepose::jacobian::reading_column;
-use truepose::{BakedJoint, Convention, Joint, JointKind, Pose, Scalar};
+use truepose::{BakedJoint, Convention, Scalar};
 
 /// Fewest joints of an arm that all samples fit on.
 const JOINTS: usize = 4;
 
-const VALUES: [f64; 6] = [0.3, -1.0, 0.2, f64::NAN, 0.7, 0.1];
 const COUNTS: [u8; 12] = [1, 0, 0, 0x80, 7, 1, 200, 255, 30, 1, 5, 0];
+
+/// One of the two segments of a curve of 13 cells.
+fn segment(number: usize) -> CurveSegment<f64> {
+    let turn = std::f64::consts::TAU;
+    let segments: Vec<_> = CurveSegment::split(1, 13, turn).collect();
+    assert_eq!(segments.len(), 2);
+    segments[number]
+}
 
 /// The first sample (`None`) or the one after `effect`. No wildcard: a new variant does not
 /// compile until it has a sample here, and the chain of them ends where it says `None`.
@@ -51,13 +58,10 @@ fn next(effect: Option<&Effect<'static, f64>>) -> Option<Effect<'static, f64>> {
     Some(match effect {
         Effect::JointGain(_) => Effect::GearEccentricity(GearEccentricity::new(2, 3.0)),
         Effect::GearEccentricity(_) => Effect::JointCompliance(JointCompliance::new(1)),
-        Effect::JointCompliance(_) => {
-            Effect::JointCurve(JointCurve::turn(1, 0.0, Table::Counts(&COUNTS)))
-        }
-        Effect::JointCurve(curve) if matches!(curve.table, Table::Counts(_)) => {
-            Effect::JointCurve(JointCurve::turn(1, 0.0, Table::Values(&VALUES)))
-        }
-        Effect::JointCurve(_) => Effect::CrossAxisCompliance(CrossAxisCompliance::new(1)),
+        Effect::JointCompliance(_) => Effect::JointCurve(JointCurve::turn(1, 0.0, &COUNTS)),
+        Effect::JointCurve(_) => Effect::CurveSegment(segment(0)),
+        Effect::CurveSegment(e) if e.first == 0 => Effect::CurveSegment(segment(1)),
+        Effect::CurveSegment(_) => Effect::CrossAxisCompliance(CrossAxisCompliance::new(1)),
         Effect::CrossAxisCompliance(_) => {
             Effect::ThermalDrift(ThermalDrift::new(Place::Joint(2), 1))
         }
@@ -68,18 +72,24 @@ fn next(effect: Option<&Effect<'static, f64>>) -> Option<Effect<'static, f64>> {
         Effect::TimeDrift(_) => Effect::WarmUp(WarmUp::new(Place::Joint(0), 100.0)),
         Effect::WarmUp(_) => Effect::StepChange(StepChange::new(Place::Joint(3), 40.0)),
         Effect::StepChange(_) => Effect::GearRipple(GearRipple::new(1, -101.0)),
-        Effect::GearRipple(_) => Effect::LinkBending(LinkBending::new(1)),
+        Effect::GearRipple(_) => Effect::LinkBending(LinkBending::new(1, Bends::AtEnd)),
+        Effect::LinkBending(e) if e.bends == Bends::AtEnd => {
+            Effect::LinkBending(LinkBending::new(2, Bends::Beam))
+        }
         Effect::LinkBending(_) => Effect::BaseFlex(BaseFlex::default()),
         Effect::BaseFlex(_) => Effect::ToolLoad(ToolLoad::new(1)),
         Effect::ToolLoad(_) => Effect::GravityLever(GravityLever::new(1, 2)),
         Effect::GravityLever(_) => Effect::Backlash(Backlash::new(0)),
-        Effect::Backlash(_) => Effect::ThermalGrowth(ThermalGrowth::new(2, 0)),
-        Effect::ThermalGrowth(_) => Effect::JointCoupling(JointCoupling::new(2, 1)),
-        Effect::JointCoupling(_) => Effect::AxisWobble(AxisWobble::new(1, Wobble::Tilt, 2.0)),
-        Effect::AxisWobble(e) if e.motion == Wobble::Tilt => {
-            Effect::AxisWobble(AxisWobble::new(3, Wobble::Shift, 1.5))
+        Effect::Backlash(_) => Effect::ThermalGrowth(ThermalGrowth::new(2, Grows::Link, 0)),
+        Effect::ThermalGrowth(e) if e.grows == Grows::Link => {
+            Effect::ThermalGrowth(ThermalGrowth::new(2, Grows::Travel, 0))
         }
-        Effect::AxisWobble(_) => Effect::PrismaticStraightness(PrismaticStraightness::new(0, 0)),
+        Effect::ThermalGrowth(_) => Effect::JointCoupling(JointCoupling::new(2, 1)),
+        Effect::JointCoupling(_) => Effect::AxisWobble(AxisWobble::new(1, Wobble::ALL[0], 1.5)),
+        Effect::AxisWobble(e) => match Wobble::ALL.iter().position(|&w| w == e.motion) {
+            Some(i) if i < 3 => Effect::AxisWobble(AxisWobble::new(3, Wobble::ALL[i + 1], 2.0)),
+            _ => Effect::PrismaticStraightness(PrismaticStraightness::new(0, 0)),
+        },
         Effect::PrismaticStraightness(e) if e.axis < 5 => {
             Effect::PrismaticStraightness(PrismaticStraightness::new(0, e.axis + 1))
         }
@@ -164,7 +174,7 @@ fn given(random: &mut Random, count: usize) -> Given<f64> {
         *t = random.within(10.0) + 25.0;
     }
     Given {
-        q: (0..count).map(|_| random.within(2.0)).collect(),
+        q: (0..count).map(|_| random.within(3.3)).collect(),
         direction: (0..count).map(|_| random.within(1.0).signum()).collect(),
         ambient,
     }
@@ -221,19 +231,20 @@ fn a_new_effect_changes_nothing() {
 fn partials_equal_central_differences_of_the_model() {
     let mut random = Random(12);
     let mut effects = one_of_each();
-    let mut seen = vec![[false; 4]; effects.len()];
+    let mut seen = vec![[false; SEGMENT]; effects.len()];
     for case in 0..60 {
         let arm = arm(&mut random, case);
         let baked = arm.bake(&mut effects);
         let given = given(&mut random, arm.joints.len());
         for (effect, seen) in effects.iter().zip(&mut seen) {
-            for k in 0..effect.model().values().len() {
+            let values = effect.model().values().len();
+            for (k, seen) in seen.iter_mut().enumerate().take(values) {
                 let analytic = partial(&baked, effect, k, &given);
                 let size = norm(&analytic);
                 if size < 1e-9 {
                     continue;
                 }
-                seen[k] = true;
+                *seen = true;
                 // a displacement of 1e-4 m or rad
                 let h = 1e-4 / size;
                 let pose = |h: f64| {
@@ -379,7 +390,7 @@ fn unknown_conditions_switch_their_effects_off() {
             assert!(effect_of(&baked, effect, &given).iter().all(|x| *x == 0.0));
         }
     }
-    assert_eq!(tried, 6);
+    assert_eq!(tried, 7);
 }
 
 #[test]
@@ -405,20 +416,16 @@ fn f32_effects_stay_within_their_rounding() {
                 // at most 1 mm or mrad
                 let mut sized = *effect;
                 sized.model_mut().values_mut()[k] = 1e-3 / largest;
-                for pose in &poses {
-                    let wide = effect_of(&baked, &sized, pose);
+                let wides = poses.iter().map(|pose| effect_of(&baked, &sized, pose));
+                let wides: Vec<[f64; 6]> = wides.collect();
+                let scale = wides.iter().map(norm).fold(0.0, f64::max);
+                for (pose, wide) in poses.iter().zip(&wides) {
                     let narrow = effect_of(&baked.cast::<f32>(), &sized.cast(), &pose.cast());
-                    // An order of h makes h times the rounding of q (2^-24 of 2 rad) a phase;
+                    // An order of h makes h times the rounding of q (2^-24 of 3 rad) a phase;
                     // the cells of a table and the flanks of a ramp likewise, some 100 times.
                     // Poses up to 7 m from the origin lose as much of their levers.
                     let order = effect.model().selector().order.unwrap_or(1.0).abs();
-                    let reading = sized.stage() == Stage::Reading;
-                    let scale = if reading {
-                        wide[0].abs().max(1e-3 / largest)
-                    } else {
-                        1e-3
-                    };
-                    let tolerance = scale * 6e-8 * (100.0 + 2.0 * order);
+                    let tolerance = scale * 6e-8 * (100.0 + 3.0 * order);
                     for (w, n) in wide.iter().zip(narrow) {
                         assert!(
                             (w - f64::from(n)).abs() < tolerance,
@@ -437,25 +444,23 @@ fn effects_come_back_from_the_blob() {
     let mut random = Random(17);
     let arm = arm(&mut random, 0);
     let mut effects = one_of_each();
-    arm.bake(&mut effects);
+    let mut attached = 0;
     for effect in &mut effects {
         for value in effect.model_mut().values_mut() {
             *value = random.unit();
         }
+        arm.bake(std::slice::from_mut(effect));
         let mut buffer = [0; 512];
-        if matches!(effect, Effect::JointCurve(c) if matches!(c.table, Table::Values(_))) {
-            // has no stored form, and says so
-            assert!(postcard::to_slice(effect, &mut buffer).is_err());
-            continue;
-        }
         let bytes = postcard::to_slice(effect, &mut buffer).unwrap();
-        let back: Effect<'_, f64> = postcard::from_bytes(bytes).unwrap();
+        let mut back: Effect<'_, f64> = postcard::from_bytes(bytes).unwrap();
+        attached += usize::from(back != *effect);
+        // what is fixed in the links is not stored
+        arm.bake(std::slice::from_mut(&mut back));
         assert_eq!(*effect, back);
-        let narrow: Effect<'_, f32> = effect.cast();
-        let bytes = postcard::to_slice(&narrow, &mut buffer).unwrap();
-        let back: Effect<'_, f32> = postcard::from_bytes(bytes).unwrap();
-        assert_eq!(narrow, back);
+        let length = bytes.len();
+        assert!(length < 100, "{} takes {length}", back.model().kind());
     }
+    assert!(attached > 10);
 }
 
 #[test]
@@ -464,7 +469,6 @@ fn unsound_effects_are_told_from_sound_ones() {
     let arm = arm(&mut random, 0);
     let mut effects = one_of_each();
     arm.bake(&mut effects);
-    let mut attached = 0;
     for effect in &effects {
         assert!(effect.is_sound(JOINTS));
         if effect.model().joint().is_some() {
@@ -482,22 +486,7 @@ fn unsound_effects_are_told_from_sound_ones() {
                 assert!(!broken.is_sound(JOINTS));
             }
         }
-        let lost = Pose::translate(f64::NAN, 0.0, 0.0);
-        let mut broken = *effect;
-        broken.model_mut().attach(&Description {
-            base: &lost,
-            joints: &[Joint::dh(JointKind::Revolute, f64::NAN, 0.0, 0.0, 0.0); JOINTS],
-            gauges: &[lost; JOINTS],
-            tool: &lost,
-        });
-        // NaN in a table is unequal to itself, printed it is not
-        if format!("{broken:?}") != format!("{effect:?}") {
-            attached += 1;
-            assert!(!broken.is_sound(JOINTS), "{}", effect.model().kind());
-        }
     }
-    // link bending, levers, growth, wobbles, straightness, base
-    assert!(attached > 10);
 }
 
 #[test]
@@ -506,8 +495,12 @@ fn names_and_parameters_match() {
         let model = effect.model();
         assert_eq!(model.parameters().len(), model.values().len());
         assert_eq!(model.constant_names().len(), model.constants().len());
-        if model.kind() == "unnamed" {
-            assert!(Effect::<f64>::named("unnamed", &model.selector()).is_none());
+        if let Effect::Unnamed(_) | Effect::CurveSegment(_) = effect {
+            let found = Effect::<f64>::named(model.kind(), &model.selector());
+            assert!(!matches!(
+                found,
+                Some(Effect::Unnamed(_) | Effect::CurveSegment(_))
+            ));
             continue;
         }
         let found = Effect::<f64>::named(model.kind(), &model.selector()).unwrap();
@@ -554,7 +547,7 @@ fn every_kind_is_found_by_its_name_and_only_with_what_it_wants() {
 #[test]
 fn effects_do_not_notice_how_the_frames_were_baked() {
     let mut random = Random(19);
-    let mut effects = one_of_each();
+    let effects = one_of_each();
     let mut jumps = 0;
     for case in 0..60 {
         let mut near = arm(&mut random, case);
@@ -581,7 +574,7 @@ fn effects_do_not_notice_how_the_frames_were_baked() {
         jumps += turned
             .filter(|(a, b)| (a.tx - b.tx).hypot(a.ty - b.ty) > 0.01)
             .count();
-        for (i, effect) in effects.iter_mut().enumerate() {
+        for (i, effect) in effects.iter().enumerate() {
             for k in 0..effect.model().values().len() {
                 let [a, b] = [0, 1].map(|n| {
                     let (baked, attached) = &bakes[n];

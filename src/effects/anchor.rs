@@ -2,7 +2,8 @@
 //!
 //! Baked frames may be turned about and slid along their axes by every new bake. What an
 //! effect fixes in a link is therefore given in the *described* frames and kept as constants
-//! in the baked ones, set anew by [`super::EffectModel::attach`] after each bake.
+//! in the baked ones, set anew by [`super::EffectModel::attach`] after each bake. They have no
+//! stored form: whoever reads a blob bakes and attaches.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -42,7 +43,7 @@ impl<T: Scalar> Description<'_, T> {
 
 /// A described joint frame after the motion, seen from the baked one: cosine and sine of its
 /// turn about z, and its origin, m.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Anchor<T: Scalar>([T; 5]);
 
 impl<T: Scalar> Default for Anchor<T> {
@@ -60,10 +61,6 @@ impl<T: Scalar> Anchor<T> {
             let (r, p) = (&gauge.rotation, &gauge.translation);
             Self([r[(0, 0)], r[(1, 0)], p.x, p.y, p.z])
         })
-    }
-
-    pub(super) fn is_finite(&self) -> bool {
-        self.0.iter().all(|x| x.finite())
     }
 
     pub(super) fn cast<U: Scalar>(&self) -> Anchor<U> {
@@ -96,7 +93,9 @@ pub enum Place<T: Scalar> {
     Base {
         /// 0 to 2: along x, y, z of the described base; 3 to 5: about them.
         axis: u8,
-        /// That unit displacement in the axes and at the origin of the baked base.
+        /// That unit displacement in the axes and at the origin of the baked base; not
+        /// stored, see [`super::EffectModel::attach`].
+        #[serde(skip, default = "Twist::zero")]
         unit: Twist<T>,
     },
 }
@@ -167,13 +166,6 @@ impl<T: Scalar> Place<T> {
     pub(super) fn attach(&mut self, to: &Description<'_, T>) {
         if let Self::Base { axis, unit } = self {
             *unit = carried(to.base, &unit_twist(*axis));
-        }
-    }
-
-    pub(super) fn is_finite(&self) -> bool {
-        match self {
-            Self::Joint(_) => true,
-            Self::Base { unit, .. } => unit.rows().iter().all(|x| x.finite()),
         }
     }
 

@@ -10,8 +10,12 @@ use super::{
 use crate::{Scalar, Twist};
 
 /// Axis wobble, a higher pair: tilts (or shifts) everything beyond the joint across its axis, a
-/// harmonic of the reading in each of two directions that are fixed in the link before: x and y
-/// of the described joint frame at zero reading, about its origin. MRD 2.8.5.
+/// harmonic of the reading in each of two directions, about the described joint frame's
+/// origin. MRD 2.8.5.
+///
+/// A fault of the standing ring has its directions fixed in the link before: x and y of the
+/// described frame at zero reading. A fault of the turning ring carries them along; seen from
+/// the link before its order h is two turning parts, of orders h + 1 and 1 - h.
 ///
 /// The cosine is counted from its value at zero reading; a constant is the axis itself.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,7 +28,8 @@ pub struct AxisWobble<T: Scalar> {
     pub order: T,
     /// Sine and cosine about (or along) x, then y; rad or m.
     pub amplitude: [T; 4],
-    /// Described joint frame.
+    /// Described joint frame; not stored, see [`EffectModel::attach`].
+    #[serde(skip, default = "Anchor::default")]
     pub anchor: Anchor<T>,
 }
 
@@ -64,20 +69,23 @@ impl<T: Scalar> EffectModel<T> for AxisWobble<T> {
         Selector {
             joint: self.joint(),
             order: Some(self.order.widen()),
-            component: Some(u8::from(self.motion == Wobble::Shift)),
+            component: Wobble::ALL
+                .iter()
+                .position(|&w| w == self.motion)
+                .and_then(|i| u8::try_from(i).ok()),
             ..Selector::default()
         }
     }
 
     fn parameters(&self) -> &'static [(&'static str, &'static str)] {
         match self.motion {
-            Wobble::Tilt => &[
+            Wobble::Tilt | Wobble::TurningTilt => &[
                 ("x sin", "rad"),
                 ("x cos", "rad"),
                 ("y sin", "rad"),
                 ("y cos", "rad"),
             ],
-            Wobble::Shift => &[
+            Wobble::Shift | Wobble::TurningShift => &[
                 ("x sin", "m"),
                 ("x cos", "m"),
                 ("y sin", "m"),
@@ -110,10 +118,6 @@ impl<T: Scalar> EffectModel<T> for AxisWobble<T> {
         self.anchor = Anchor::of(to, usize::from(self.joint));
     }
 
-    fn anchors_are_finite(&self) -> bool {
-        self.anchor.is_finite()
-    }
-
     fn stage(&self) -> Stage {
         Stage::Posture
     }
@@ -125,15 +129,19 @@ impl<T: Scalar> EffectModel<T> for AxisWobble<T> {
             return Displacement::zero();
         };
         let q = entry(at.q, j);
-        // Directions of the link before: turned back by the reading.
-        let (s, c) = q.sincos();
         let [x, y] = self.anchor.axes(frame);
-        let direction = if k < 2 { x * c - y * s } else { y * c + x * s };
+        let direction = if self.motion.turns() {
+            if k < 2 { x } else { y }
+        } else {
+            // Turned back by the reading.
+            let (s, c) = q.sincos();
+            if k < 2 { x * c - y * s } else { y * c + x * s }
+        };
         let wobble = direction * harmonic(k % 2, self.order * q);
         Displacement {
             twist: match self.motion {
-                Wobble::Tilt => Twist::new(Vector3::zeros(), wobble),
-                Wobble::Shift => Twist::new(wobble, Vector3::zeros()),
+                Wobble::Tilt | Wobble::TurningTilt => Twist::new(Vector3::zeros(), wobble),
+                Wobble::Shift | Wobble::TurningShift => Twist::new(wobble, Vector3::zeros()),
             },
             origin: self.anchor.origin(frame),
         }
@@ -143,13 +151,29 @@ impl<T: Scalar> EffectModel<T> for AxisWobble<T> {
 /// What an axis does as it turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Wobble {
-    /// Leans over.
+    /// Leans over, in directions of the link before.
     Tilt,
-    /// Moves sideways.
+    /// Moves sideways, in directions of the link before.
     Shift,
+    /// Leans over, in directions that turn with the joint.
+    TurningTilt,
+    /// Moves sideways, in directions that turn with the joint.
+    TurningShift,
 }
 
 impl Wobble {
-    /// Their names, in the order of the variants.
-    pub const NAMES: [&str; 2] = ["tilt", "shift"];
+    /// In the order of the variants.
+    pub const ALL: [Self; 4] = [
+        Self::Tilt,
+        Self::Shift,
+        Self::TurningTilt,
+        Self::TurningShift,
+    ];
+
+    /// Their names, in the same order.
+    pub const NAMES: [&str; 4] = ["tilt", "shift", "turning tilt", "turning shift"];
+
+    fn turns(self) -> bool {
+        matches!(self, Self::TurningTilt | Self::TurningShift)
+    }
 }

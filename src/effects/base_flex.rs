@@ -14,8 +14,15 @@ use crate::{Scalar, Twist};
 pub struct BaseFlex<T: Scalar> {
     /// About x and about y, rad/(N m).
     pub compliance: [T; 2],
-    /// x, y and origin (m) of the described base in the baked one.
+    /// x, y and origin (m) of the described base in the baked one; not stored, see
+    /// [`EffectModel::attach`].
+    #[serde(skip, default = "no_base")]
     pub base: [Vector3<T>; 3],
+}
+
+/// Before it is attached: no axes to tilt about.
+fn no_base<T: Scalar>() -> [Vector3<T>; 3] {
+    [Vector3::zeros(); 3]
 }
 
 impl<T: Scalar> Default for BaseFlex<T> {
@@ -23,7 +30,7 @@ impl<T: Scalar> Default for BaseFlex<T> {
     fn default() -> Self {
         Self {
             compliance: [T::zero(); 2],
-            base: [Vector3::x(), Vector3::y(), Vector3::zeros()],
+            base: no_base(),
         }
     }
 }
@@ -61,10 +68,6 @@ impl<T: Scalar> EffectModel<T> for BaseFlex<T> {
     fn attach(&mut self, to: &Description<'_, T>) {
         let (r, p) = (&to.base.rotation, to.base.translation);
         self.base = [r.column(0).into_owned(), r.column(1).into_owned(), p];
-    }
-
-    fn anchors_are_finite(&self) -> bool {
-        self.base.iter().all(|v| v.iter().all(|x| x.finite()))
     }
 
     fn stage(&self) -> Stage {

@@ -19,7 +19,8 @@ pub struct CrossAxisCompliance<T: Scalar> {
     pub joint: u8,
     /// rad/(N m).
     pub compliance: [T; 1],
-    /// Described joint frame.
+    /// Described joint frame; not stored, see [`EffectModel::attach`].
+    #[serde(skip, default = "Anchor::default")]
     pub anchor: Anchor<T>,
 }
 
@@ -65,10 +66,6 @@ impl<T: Scalar> EffectModel<T> for CrossAxisCompliance<T> {
 
     fn attach(&mut self, to: &Description<'_, T>) {
         self.anchor = Anchor::of(to, usize::from(self.joint));
-    }
-
-    fn anchors_are_finite(&self) -> bool {
-        self.anchor.is_finite()
     }
 
     fn stage(&self) -> Stage {

@@ -24,7 +24,8 @@ pub struct GravityLever<T: Scalar> {
     pub link: u8,
     /// rad s^2/m.
     pub lever: [T; 2],
-    /// The described joint frame of the link.
+    /// The described joint frame of the link; not stored, see [`EffectModel::attach`].
+    #[serde(skip, default = "Anchor::default")]
     pub anchor: Anchor<T>,
 }
 
@@ -80,10 +81,6 @@ impl<T: Scalar> EffectModel<T> for GravityLever<T> {
 
     fn attach(&mut self, to: &Description<'_, T>) {
         self.anchor = Anchor::of(to, usize::from(self.link));
-    }
-
-    fn anchors_are_finite(&self) -> bool {
-        self.anchor.is_finite()
     }
 
     fn stage(&self) -> Stage {

@@ -13,7 +13,7 @@ use crate::Scalar;
 /// ```
 /// Cells that were not measured count as zero, so the curve goes to zero within one cell
 /// beyond what was measured. For the contract its one value is `scale`, which is what makes
-/// it linear; its cells are identified through [`hat`].
+/// it linear; its cells are identified as [`super::CurveSegment`]s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JointCurve<'a, T: Scalar> {
     /// Joint, from 0.
@@ -22,54 +22,14 @@ pub struct JointCurve<'a, T: Scalar> {
     pub density: T,
     /// rad or m per unit of the table.
     pub scale: [T; 1],
-    /// One entry a cell, cell 0 at zero reading.
+    /// Little-endian `i16` counts as [`encode`] writes them, cell 0 at zero reading,
+    /// [`UNMEASURED`] where nothing was measured.
     #[serde(borrow)]
-    pub table: Table<'a>,
-}
-
-/// The cells of a curve, borrowed from the blob or from the host's solver.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Table<'a> {
-    /// Little-endian `i16` counts as [`encode`] writes them, [`UNMEASURED`] where nothing
-    /// was measured.
-    Counts(&'a [u8]),
-    /// Plain values while they are being identified; NaN where nothing was measured. Has no
-    /// stored form.
-    #[serde(skip)]
-    Values(&'a [f64]),
+    pub table: &'a [u8],
 }
 
 /// The count that says that a cell was not measured. It acts as zero.
 pub const UNMEASURED: i16 = i16::MIN;
-
-impl Table<'_> {
-    /// Number of cells.
-    #[inline]
-    pub fn len(&self) -> usize {
-        match self {
-            Self::Counts(bytes) => bytes.len() / 2,
-            Self::Values(values) => values.len(),
-        }
-    }
-
-    /// True for a table without cells, which is zero everywhere.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Entry of cell `i` in units of the curve's scale; `None` where nothing was measured.
-    #[inline]
-    pub fn cell<T: Scalar>(&self, i: usize) -> Option<T> {
-        match self {
-            Self::Counts(bytes) => {
-                let (cells, _) = bytes.as_chunks::<2>();
-                let count = i16::from_le_bytes(*cells.get(i)?);
-                (count != UNMEASURED).then(|| T::count(count))
-            }
-            Self::Values(values) => values.get(i).filter(|x| x.is_finite()).map(|&x| T::of(x)),
-        }
-    }
-}
 
 /// The two cells that a reading lies between, of a periodic table: cell `index` counts
 /// `1 - fraction`, cell `next` counts `fraction`.
@@ -83,8 +43,24 @@ pub struct Hat<T> {
     pub fraction: T,
 }
 
+impl<T: Scalar> Hat<T> {
+    /// What cell `cell` counts.
+    #[inline]
+    pub fn weight(&self, cell: usize) -> T {
+        let mut weight = T::zero();
+        if cell == self.index {
+            weight += T::one() - self.fraction;
+        }
+        if cell == self.next {
+            weight += self.fraction;
+        }
+        weight
+    }
+}
+
 /// Where the reading `q` (rad or m) lies in a table of `cells` cells, `density` a rad or m.
-/// `None` without cells. The only interpolation there is: the host's columns use it too.
+/// `None` without cells. The only interpolation there is: curves that are
+/// being identified use it too.
 #[inline]
 pub fn hat<T: Scalar>(q: T, density: T, cells: usize) -> Option<Hat<T>> {
     let count = i32::try_from(cells).ok().filter(|&n| n > 0)?;
@@ -127,19 +103,33 @@ pub fn encode(values: &[f64], out: &mut [u8]) -> Option<f64> {
 
 impl<'a, T: Scalar> JointCurve<'a, T> {
     /// A table of one turn of `joint` (from 0).
-    pub fn turn(joint: u8, scale: T, table: Table<'a>) -> Self {
+    pub fn turn(joint: u8, scale: T, table: &'a [u8]) -> Self {
         Self::over(joint, T::two_pi(), scale, table)
     }
 
     /// A table that repeats after `period`, rad or m. Longer than the travel of a prismatic
     /// joint, so that nothing repeats.
-    pub fn over(joint: u8, period: T, scale: T, table: Table<'a>) -> Self {
+    pub fn over(joint: u8, period: T, scale: T, table: &'a [u8]) -> Self {
         Self {
             joint,
-            density: T::of(table.len() as f64) / period,
+            density: T::of((table.len() / 2) as f64) / period,
             scale: [scale],
             table,
         }
+    }
+
+    /// Number of cells.
+    #[inline]
+    pub fn cells(&self) -> usize {
+        self.table.len() / 2
+    }
+
+    /// Entry of cell `i` in units of the scale; `None` where nothing was measured.
+    #[inline]
+    pub fn cell(&self, i: usize) -> Option<T> {
+        let (cells, _) = self.table.as_chunks::<2>();
+        let count = i16::from_le_bytes(*cells.get(i)?);
+        (count != UNMEASURED).then(|| T::count(count))
     }
 
     pub(super) fn cast<U: Scalar>(&self) -> JointCurve<'a, U> {
@@ -173,10 +163,6 @@ impl<T: Scalar> EffectModel<T> for JointCurve<'_, T> {
         &mut self.scale
     }
 
-    fn anchors_are_finite(&self) -> bool {
-        self.density.finite()
-    }
-
     fn stage(&self) -> Stage {
         Stage::Reading
     }
@@ -184,11 +170,11 @@ impl<T: Scalar> EffectModel<T> for JointCurve<'_, T> {
     #[inline]
     fn reading_partial(&self, _k: usize, at: &Reading<'_, T>) -> T {
         let q = entry(at.q, usize::from(self.joint));
-        let Some(hat) = hat(q, self.density, self.table.len()) else {
+        let Some(hat) = hat(q, self.density, self.cells()) else {
             return T::zero();
         };
-        let cell = |i| self.table.cell(i).unwrap_or_else(T::zero);
-        let low: T = cell(hat.index);
+        let cell = |i| self.cell(i).unwrap_or_else(T::zero);
+        let low = cell(hat.index);
         low + (cell(hat.next) - low) * hat.fraction
     }
 }

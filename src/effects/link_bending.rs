@@ -3,49 +3,98 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Description, Displacement, EffectModel, Posture, Stage};
+use super::{Description, Displacement, EffectModel, Posture, Selector, Stage};
 use crate::{Scalar, Twist};
 
-/// Link bending: a uniform beam between the described joint frames, held at the joint, under
-/// gravity's force F and moment M of all that lies beyond the joint. Euler and Bernoulli's
-/// beam, exact for loads at its ends, seen from its middle:
+/// Link bending under gravity's force F and moment M of what lies beyond the link. MRD 7.7.
 ///
 /// ```text
-/// tilt = L / EI (M_middle · a) a,    deflection = L^3 / (12 EI) (F · b) b
+/// at its end:  tilt = c (M_end · a) a                        about the end
+/// as a beam:   tilt = L c (M_middle · a) a                   about the middle, and there
+///              deflection = L^3 c / 12 (F · b) b
 /// ```
-/// once for each of two bending axes a, with b across it and across the beam. The first axis is
-/// the joint's own as far as it is across the beam, or else the next joint's. MRD 7.7.
+/// once for each of two bending axes a, with b across it and across the link. At its end bends
+/// a link that is soft where the next joint is mounted; the beam is Euler and Bernoulli's,
+/// uniform, with c = 1 / EI, exact for loads at its end. The first axis is the joint's own as
+/// far as it is across the link, or else the next joint's. The link's own weight does not
+/// count.
 ///
 /// Needs link masses or a payload; with neither it is zero.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LinkBending<T: Scalar> {
     /// Joint before the link, from 0.
     pub joint: u8,
-    /// 1/EI about either axis, 1/(N m^2).
+    /// Where it bends.
+    pub bends: Bends,
+    /// c about either axis: rad/(N m), of a beam 1/(N m^2).
     pub flexibility: [T; 2],
-    /// Length of the beam, m.
-    pub length: T,
-    /// In the baked joint frame: middle of the beam (m) and the two axes.
-    pub beam: [Vector3<T>; 3],
+    /// Where the link is; not stored, see [`EffectModel::attach`].
+    #[serde(skip, default = "Link::none")]
+    pub link: Link<T>,
+}
+
+/// Where a link bends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Bends {
+    /// At its far end.
+    AtEnd,
+    /// All along.
+    Beam,
+}
+
+impl Bends {
+    /// Their names, in the order of the variants.
+    pub const NAMES: [&str; 2] = ["end", "beam"];
+}
+
+/// A link in its baked joint frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Link<T: Scalar> {
+    /// From joint to end, m.
+    length: T,
+    /// End of the link, m.
+    end: Vector3<T>,
+    /// Unit vector from joint to end, across it the two bending axes.
+    axes: [Vector3<T>; 3],
+}
+
+impl<T: Scalar> Link<T> {
+    /// No link: nothing bends.
+    fn none() -> Self {
+        Self {
+            length: T::zero(),
+            end: Vector3::zeros(),
+            axes: [Vector3::zeros(); 3],
+        }
+    }
+
+    fn cast<U: Scalar>(&self) -> Link<U> {
+        let c = |v: Vector3<T>| v.map(|x| U::of(x.widen()));
+        Link {
+            length: U::of(self.length.widen()),
+            end: c(self.end),
+            axes: self.axes.map(c),
+        }
+    }
 }
 
 impl<T: Scalar> LinkBending<T> {
-    /// A stiff link beyond `joint` (from 0); no beam before it is attached to one.
-    pub fn new(joint: u8) -> Self {
+    /// A stiff link beyond `joint` (from 0); no link before it is attached to one.
+    pub fn new(joint: u8, bends: Bends) -> Self {
         Self {
             joint,
+            bends,
             flexibility: [T::zero(); 2],
-            length: T::zero(),
-            beam: [Vector3::zeros(), Vector3::x(), Vector3::y()],
+            link: Link::none(),
         }
     }
 
     pub(super) fn cast<U: Scalar>(&self) -> LinkBending<U> {
         LinkBending {
             joint: self.joint,
+            bends: self.bends,
             flexibility: self.flexibility.map(|x| U::of(x.widen())),
-            length: U::of(self.length.widen()),
-            beam: self.beam.map(|v| v.map(|x| U::of(x.widen()))),
+            link: self.link.cast(),
         }
     }
 }
@@ -59,8 +108,19 @@ impl<T: Scalar> EffectModel<T> for LinkBending<T> {
         Some(usize::from(self.joint))
     }
 
+    fn selector(&self) -> Selector {
+        Selector {
+            joint: self.joint(),
+            component: Some(u8::from(self.bends == Bends::Beam)),
+            ..Selector::default()
+        }
+    }
+
     fn parameters(&self) -> &'static [(&'static str, &'static str)] {
-        &[("first", "1/(N m^2)"), ("second", "1/(N m^2)")]
+        match self.bends {
+            Bends::AtEnd => &[("first", "rad/(N m)"), ("second", "rad/(N m)")],
+            Bends::Beam => &[("first", "1/(N m^2)"), ("second", "1/(N m^2)")],
+        }
     }
 
     fn values(&self) -> &[T] {
@@ -76,26 +136,23 @@ impl<T: Scalar> EffectModel<T> for LinkBending<T> {
         let (Some(link), Some(gauge)) = (to.link(j), to.gauges.get(j)) else {
             return;
         };
-        let tip = link.translation;
-        self.length = tip.norm_squared().root();
-        if self.length <= T::EPSILON {
-            // No beam: nothing to bend.
-            self.length = T::zero();
-            return;
-        }
-        let along = tip / self.length;
-        let next = link.rotation.column(2).into_owned();
+        let r = &link.rotation;
+        let end = link.translation;
+        let length = end.norm_squared().root();
+        // Where the joint frames fall together the link points along x, by convention.
+        let along = if length > T::of(SHORT) {
+            end / length
+        } else {
+            r.column(0).into_owned()
+        };
+        let next = r.column(2).into_owned();
         let first = across(&along, &[Vector3::z(), next, Vector3::x(), Vector3::y()]);
         let second = along.cross(&first);
-        self.beam = [
-            gauge.point(&(tip * T::of(0.5))),
-            gauge.rotation * first,
-            gauge.rotation * second,
-        ];
-    }
-
-    fn anchors_are_finite(&self) -> bool {
-        self.length.finite() && self.beam.iter().all(|v| v.iter().all(|x| x.finite()))
+        self.link = Link {
+            length,
+            end: gauge.point(&end),
+            axes: [along, first, second].map(|v| gauge.rotation * v),
+        };
     }
 
     fn stage(&self) -> Stage {
@@ -105,27 +162,63 @@ impl<T: Scalar> EffectModel<T> for LinkBending<T> {
     #[inline]
     fn posture_partial(&self, k: usize, at: &Posture<'_, T>) -> Displacement<T> {
         let j = usize::from(self.joint);
-        let (Some(frame), Some(moment), Some(force)) =
-            (at.frames.get(j), at.moments.get(j), at.forces.get(j))
-        else {
+        let Some(frame) = at.frames.get(j) else {
             return Displacement::zero();
         };
-        let [middle, first, second] = &self.beam;
+        let end = frame.origin + frame.rotation * self.link.end;
+        let (moment, force) = beyond(at, j, &end);
+        let [along, first, second] = &self.link.axes;
         let (a, b) = if k == 0 {
             (first, second)
         } else {
             (second, first)
         };
-        let (a, b) = (frame.rotation * a, frame.rotation * b);
-        let lever = frame.rotation * middle;
-        let moment = moment - lever.cross(force);
-        let l = self.length;
-        Displacement {
-            twist: Twist::new(
-                b * (l * l * l * T::of(1.0 / 12.0) * force.dot(&b)),
-                a * (l * moment.dot(&a)),
-            ),
-            origin: frame.origin + lever,
+        let a = frame.rotation * a;
+        match self.bends {
+            Bends::AtEnd => Displacement {
+                twist: Twist::new(Vector3::zeros(), a * moment.dot(&a)),
+                origin: end,
+            },
+            Bends::Beam => {
+                let b = frame.rotation * b;
+                let l = self.link.length;
+                let half = frame.rotation * along * (l * T::of(0.5));
+                let moment = moment + half.cross(&force);
+                Displacement {
+                    twist: Twist::new(
+                        b * (l * l * l * T::of(1.0 / 12.0) * force.dot(&b)),
+                        a * (l * moment.dot(&a)),
+                    ),
+                    origin: end - half,
+                }
+            }
+        }
+    }
+}
+
+/// Below this length, m, a link has no direction of its own.
+const SHORT: f64 = 0.01;
+
+/// Gravity's moment about `point` and force of what lies beyond link `j`.
+#[inline]
+fn beyond<T: Scalar>(
+    at: &Posture<'_, T>,
+    j: usize,
+    point: &Vector3<T>,
+) -> (Vector3<T>, Vector3<T>) {
+    let next = j + 1;
+    match (
+        at.frames.get(next),
+        at.moments.get(next),
+        at.forces.get(next),
+    ) {
+        (Some(frame), Some(moment), Some(force)) => {
+            (moment + (frame.origin - point).cross(force), *force)
+        }
+        _ => {
+            let force = at.gravity * at.ambient.payload;
+            let payload = at.tool.point(&at.ambient.payload_com);
+            ((payload - point).cross(&force), force)
         }
     }
 }

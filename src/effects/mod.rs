@@ -13,6 +13,7 @@ mod axis_wobble;
 mod backlash;
 mod base_flex;
 mod cross_axis_compliance;
+mod curve_segment;
 mod gear_eccentricity;
 mod gear_ripple;
 mod gravity_lever;
@@ -43,20 +44,21 @@ pub use axis_wobble::{AxisWobble, Wobble};
 pub use backlash::Backlash;
 pub use base_flex::BaseFlex;
 pub use cross_axis_compliance::CrossAxisCompliance;
+pub use curve_segment::{CurveSegment, SEGMENT};
 pub use gear_eccentricity::GearEccentricity;
 pub use gear_ripple::GearRipple;
 pub use gravity_lever::GravityLever;
 pub use joint_compliance::JointCompliance;
 pub use joint_coupling::JointCoupling;
-pub use joint_curve::{Hat, JointCurve, Table, UNMEASURED, encode, hat};
+pub use joint_curve::{Hat, JointCurve, UNMEASURED, encode, hat};
 pub use joint_gain::JointGain;
-pub use link_bending::LinkBending;
+pub use link_bending::{Bends, Link, LinkBending};
 pub use naming::{KINDS, Kind, Needs, Selector, Wish};
 pub use prismatic_straightness::PrismaticStraightness;
 pub use situation::{Ambient, Conditions, MAX_SENSORS, Posture, Reading, gravity_loads};
 pub use step_change::StepChange;
 pub use thermal_drift::ThermalDrift;
-pub use thermal_growth::ThermalGrowth;
+pub use thermal_growth::{Grows, ThermalGrowth};
 pub use time_drift::TimeDrift;
 pub use tool_load::ToolLoad;
 pub use unnamed::{FADE, Factor, ONE, RAMP, Shape, Unnamed, Variable};
@@ -132,15 +134,9 @@ pub trait EffectModel<T: Scalar> {
         &mut []
     }
 
-    /// Sets what is fixed in the links from the described arm. To be called after every
-    /// bake; an effect that fixes nothing in a link does nothing.
+    /// Sets what is fixed in the links, which has no stored form, from the described arm. To
+    /// be called after every bake; an effect that fixes nothing in a link does nothing.
     fn attach(&mut self, _to: &Description<'_, T>) {}
-
-    /// False if anything else that is stored, [`Self::attach`]'s numbers among it, is not
-    /// finite.
-    fn anchors_are_finite(&self) -> bool {
-        true
-    }
 
     /// When it is evaluated.
     fn stage(&self) -> Stage;
@@ -250,17 +246,18 @@ effects! { 'a:
     PrismaticStraightness,
     /// See [`Unnamed`].
     Unnamed,
+    /// See [`CurveSegment`].
+    CurveSegment,
 }
 
 impl<T: Scalar> Effect<'_, T> {
-    /// True if every number in it is finite and its joints are among the first `joints`: what
-    /// a decoded effect has to be.
+    /// True if its values and constants are finite and its joints are among the first
+    /// `joints`: what a decoded effect has to be.
     pub fn is_sound(&self, joints: usize) -> bool {
         let model = self.model();
         let selector = model.selector();
         model.values().iter().all(|x| x.finite())
             && model.constants().iter().all(|x| x.finite())
-            && model.anchors_are_finite()
             && [selector.joint, selector.from]
                 .iter()
                 .flatten()

@@ -1,9 +1,9 @@
 //! Effects by the kinds that reports and the command line name.
 
 use super::{
-    AXES, AxisWobble, Backlash, BaseFlex, CrossAxisCompliance, Effect, GearEccentricity,
-    GearRipple, GravityLever, JointCompliance, JointCoupling, JointCurve, JointGain, LinkBending,
-    Place, PrismaticStraightness, StepChange, Table, ThermalDrift, ThermalGrowth, TimeDrift,
+    AXES, AxisWobble, Backlash, BaseFlex, Bends, CrossAxisCompliance, Effect, GearEccentricity,
+    GearRipple, GravityLever, Grows, JointCompliance, JointCoupling, JointCurve, JointGain,
+    LinkBending, Place, PrismaticStraightness, StepChange, ThermalDrift, ThermalGrowth, TimeDrift,
     ToolLoad, WarmUp, Wobble,
 };
 use crate::{JointKind, Scalar};
@@ -130,14 +130,20 @@ pub const KINDS: &[Kind] = &[
     },
     Kind::joint("cross-axis-compliance", Needs::Masses),
     Kind::joint("tool-load", Needs::Gravity),
-    Kind::joint("link-bending", Needs::Masses),
+    Kind {
+        components: &Bends::NAMES,
+        ..Kind::joint("link-bending", Needs::Masses)
+    },
     Kind {
         joint: false,
         base: true,
         ..Kind::joint("base-flex", Needs::Masses)
     },
     Kind::joint("backlash", Needs::Direction),
-    Kind::joint("thermal-growth", Needs::Temperature),
+    Kind {
+        components: &Grows::NAMES,
+        ..Kind::joint("thermal-growth", Needs::Temperature)
+    },
     Kind::drift("thermal-drift", Needs::Temperature),
     Kind::drift("time-drift", Needs::Time),
     Kind::drift("warm-up", Needs::Time),
@@ -186,9 +192,7 @@ impl<T: Scalar> Effect<'_, T> {
             "gear-eccentricity" => {
                 Self::GearEccentricity(GearEccentricity::new(joint()?, order()?))
             }
-            "joint-curve" => {
-                Self::JointCurve(JointCurve::turn(joint()?, T::zero(), Table::Values(&[])))
-            }
+            "joint-curve" => Self::JointCurve(JointCurve::turn(joint()?, T::zero(), &[])),
             "gear-ripple" => Self::GearRipple(GearRipple::new(joint()?, order()?)),
             "joint-compliance" if selector.from.is_some() => {
                 Self::GravityLever(GravityLever::new(joint()?, from()?))
@@ -198,22 +202,32 @@ impl<T: Scalar> Effect<'_, T> {
                 Self::CrossAxisCompliance(CrossAxisCompliance::new(joint()?))
             }
             "tool-load" => Self::ToolLoad(ToolLoad::new(joint()?)),
-            "link-bending" => Self::LinkBending(LinkBending::new(joint()?)),
+            "link-bending" => {
+                let bends = if component == 0 {
+                    Bends::AtEnd
+                } else {
+                    Bends::Beam
+                };
+                Self::LinkBending(LinkBending::new(joint()?, bends))
+            }
             "base-flex" => Self::BaseFlex(BaseFlex::default()),
             "backlash" => Self::Backlash(Backlash::new(joint()?)),
-            "thermal-growth" => Self::ThermalGrowth(ThermalGrowth::new(joint()?, sensor)),
+            "thermal-growth" => {
+                let grows = if component == 0 {
+                    Grows::Link
+                } else {
+                    Grows::Travel
+                };
+                Self::ThermalGrowth(ThermalGrowth::new(joint()?, grows, sensor))
+            }
             "thermal-drift" => Self::ThermalDrift(ThermalDrift::new(place()?, sensor)),
             "time-drift" => Self::TimeDrift(TimeDrift::new(place()?)),
             "warm-up" => Self::WarmUp(WarmUp::new(place()?, T::of(TAU))),
             "step-change" => Self::StepChange(StepChange::new(place()?, T::zero())),
             "joint-coupling" => Self::JointCoupling(JointCoupling::new(joint()?, from()?)),
             "axis-wobble" => {
-                let motion = if component == 0 {
-                    Wobble::Tilt
-                } else {
-                    Wobble::Shift
-                };
-                Self::AxisWobble(AxisWobble::new(joint()?, motion, order()?))
+                let motion = Wobble::ALL.get(usize::from(component))?;
+                Self::AxisWobble(AxisWobble::new(joint()?, *motion, order()?))
             }
             "prismatic-straightness" => {
                 Self::PrismaticStraightness(PrismaticStraightness::new(joint()?, component))

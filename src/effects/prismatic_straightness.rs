@@ -22,7 +22,8 @@ pub struct PrismaticStraightness<T: Scalar> {
     pub axis: u8,
     /// m/m and m/m^2, or rad/m and rad/m^2.
     pub shape: [T; 2],
-    /// Described joint frame.
+    /// Described joint frame; not stored, see [`EffectModel::attach`].
+    #[serde(skip, default = "Anchor::default")]
     pub anchor: Anchor<T>,
 }
 
@@ -82,10 +83,6 @@ impl<T: Scalar> EffectModel<T> for PrismaticStraightness<T> {
 
     fn attach(&mut self, to: &Description<'_, T>) {
         self.anchor = Anchor::of(to, usize::from(self.joint));
-    }
-
-    fn anchors_are_finite(&self) -> bool {
-        self.anchor.is_finite()
     }
 
     fn stage(&self) -> Stage {

@@ -94,10 +94,6 @@ impl<T: Scalar> EffectModel<T> for ThermalDrift<T> {
         self.place.attach(to);
     }
 
-    fn anchors_are_finite(&self) -> bool {
-        self.place.is_finite()
-    }
-
     fn stage(&self) -> Stage {
         self.place.stage()
     }

@@ -7,28 +7,47 @@ use super::{Description, Displacement, EffectModel, Posture, Selector, Stage, en
 use crate::{JointKind, Scalar, Twist};
 
 /// Thermal growth: lengthens the link beyond the joint by `growth` of its length per K, along
-/// the line between the described joint frames; a slide grows with what it has moved, MRD 7.1.
+/// the line between the described joint frames; or, of a slide, what it has travelled,
+/// MRD 7.1.
 ///
 /// Zero where the temperature is not known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ThermalGrowth<T: Scalar> {
     /// Joint before the link, from 0.
     pub joint: u8,
+    /// What grows.
+    pub grows: Grows,
     /// Temperature sensor, from 0.
     pub sensor: u8,
     /// degC.
     pub reference: T,
     /// 1/K.
     pub growth: [T; 1],
-    /// The link in the baked joint frame, m.
+    /// The link in the baked joint frame, m; not stored, see [`EffectModel::attach`].
+    #[serde(skip, default = "Vector3::zeros")]
     pub link: Vector3<T>,
+}
+
+/// What grows with the temperature.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Grows {
+    /// The link beyond the joint.
+    Link,
+    /// The way of a slide, counted from its zero.
+    Travel,
+}
+
+impl Grows {
+    /// Their names, in the order of the variants.
+    pub const NAMES: [&str; 2] = ["link", "travel"];
 }
 
 impl<T: Scalar> ThermalGrowth<T> {
     /// No growth yet, counted from 20 degC; no link before it is attached to one.
-    pub fn new(joint: u8, sensor: u8) -> Self {
+    pub fn new(joint: u8, grows: Grows, sensor: u8) -> Self {
         Self {
             joint,
+            grows,
             sensor,
             reference: T::of(20.0),
             growth: [T::zero()],
@@ -39,6 +58,7 @@ impl<T: Scalar> ThermalGrowth<T> {
     pub(super) fn cast<U: Scalar>(&self) -> ThermalGrowth<U> {
         ThermalGrowth {
             joint: self.joint,
+            grows: self.grows,
             sensor: self.sensor,
             reference: U::of(self.reference.widen()),
             growth: self.growth.map(|x| U::of(x.widen())),
@@ -59,6 +79,7 @@ impl<T: Scalar> EffectModel<T> for ThermalGrowth<T> {
     fn selector(&self) -> Selector {
         Selector {
             joint: self.joint(),
+            component: Some(u8::from(self.grows == Grows::Travel)),
             sensor: Some(self.sensor),
             ..Selector::default()
         }
@@ -95,10 +116,6 @@ impl<T: Scalar> EffectModel<T> for ThermalGrowth<T> {
         }
     }
 
-    fn anchors_are_finite(&self) -> bool {
-        self.link.iter().all(|x| x.finite())
-    }
-
     fn stage(&self) -> Stage {
         Stage::Posture
     }
@@ -109,10 +126,11 @@ impl<T: Scalar> EffectModel<T> for ThermalGrowth<T> {
         let (Some(joint), Some(frame)) = (at.joints.get(j), at.frames.get(j)) else {
             return Displacement::zero();
         };
-        let mut link = self.link;
-        if joint.kind == JointKind::Prismatic {
-            link.z += entry(at.q, j);
-        }
+        let link = match (self.grows, joint.kind) {
+            (Grows::Link, _) => self.link,
+            (Grows::Travel, JointKind::Prismatic) => Vector3::z() * entry(at.q, j),
+            (Grows::Travel, JointKind::Revolute) => return Displacement::zero(),
+        };
         let warming = at.ambient.warming(self.sensor, self.reference);
         Displacement {
             twist: Twist::new(frame.rotation * link * warming, Vector3::zeros()),
