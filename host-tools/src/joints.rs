@@ -17,3 +17,12 @@ macro_rules! with_joints {
     };
 }
 pub(crate) use with_joints;
+
+/// The first N of `values`, 0 where there are fewer.
+pub(crate) fn first<const N: usize>(values: &[f64]) -> [f64; N] {
+    let mut array = [0.0; N];
+    for (to, from) in array.iter_mut().zip(values) {
+        *to = *from;
+    }
+    array
+}

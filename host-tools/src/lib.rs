@@ -2,6 +2,7 @@
 //! as parameters for the controller.
 
 pub mod cell;
+pub mod compensate;
 pub mod description;
 pub mod error;
 pub mod identify;

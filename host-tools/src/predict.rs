@@ -7,7 +7,7 @@ use truepose::effects::Conditions;
 use truepose::params::{Blob, BlobError, MAX_JOINTS};
 
 use crate::error::Error;
-use crate::joints::with_joints;
+use crate::joints::{first, with_joints};
 use crate::measurement::{Dataset, Row};
 
 /// Tool pose in the world at each row of `table`, whose joints are those of `blob`, by the
@@ -27,23 +27,12 @@ pub fn predict(file: &Path, blob: &Blob<'_>, table: &Dataset) -> Result<Vec<Pose
 
 fn rows<const N: usize>(blob: &Blob<'_>, table: &Dataset) -> Result<Vec<Pose<f64>>, BlobError> {
     let model = blob.model::<f64, N>()?;
-    let predict = |row: &Row| model.predict(&joints(&row.q), &conditions(row));
+    let predict = |row: &Row| {
+        let conditions = Conditions {
+            direction: first(&row.direction),
+            ambient: row.ambient(),
+        };
+        model.predict(&first(&row.q), &conditions)
+    };
     Ok(table.rows.iter().map(predict).collect())
-}
-
-/// The first N of `values`, 0 where there are fewer.
-pub(crate) fn joints<const N: usize>(values: &[f64]) -> [f64; N] {
-    let mut array = [0.0; N];
-    for (to, from) in array.iter_mut().zip(values) {
-        *to = *from;
-    }
-    array
-}
-
-/// Conditions of a row.
-pub(crate) fn conditions<const N: usize>(row: &Row) -> Conditions<f64, N> {
-    Conditions {
-        direction: joints(&row.direction),
-        ambient: row.ambient(),
-    }
 }

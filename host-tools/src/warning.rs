@@ -29,8 +29,8 @@ pub enum Warning {
         /// Row numbers, from 1.
         rows: Vec<usize>,
     },
-    /// Blank cells of a condition, filled with the value before them.
-    ConditionFilled {
+    /// Blank cells of a condition.
+    ConditionBlank {
         /// The file.
         file: PathBuf,
         /// Name of the column.
@@ -134,10 +134,10 @@ impl fmt::Display for Warning {
                 file.display(),
                 list(rows)
             ),
-            Self::ConditionFilled { file, column, rows } => write!(
+            Self::ConditionBlank { file, column, rows } => write!(
                 f,
-                "{}: {} blank in {column}: the value before is used, which an effect of \
-                 {column} will believe; fill them in if they differ",
+                "{}: {} blank in {column}: effects that depend on it stay out of these rows; fill \
+                 them in if it was known",
                 file.display(),
                 list(rows)
             ),
@@ -188,8 +188,8 @@ impl fmt::Display for Warning {
                 effect,
             } => write!(
                 f,
-                "{}: no column {column}, which the model's {effect} depends on: taken as 0; \
-                 add it",
+                "{}: no column {column}, which the model's {effect} depends on: it stays \
+                 out; add the column",
                 file.display()
             ),
             Self::NotASidecar { file } => write!(

@@ -171,6 +171,14 @@ fn tables() -> Vec<(&'static str, String, &'static str)> {
             "session.csv:2: row 1, column session: found \"1.5\", expected an integer",
         ),
         (
+            "no_session",
+            format!(
+                "{},session\n0,0,0,0,0,0,1,1,1,1\n0,0,0,0,0,0,1,1,1,\n",
+                HEADER.trim()
+            ),
+            "no_session.csv:3: row 2, column session: found a blank cell",
+        ),
+        (
             "x3",
             format!("{},x3,y3,z3\n0,0,0,0,0,0,1,1,1,1,1,1\n", HEADER.trim()),
             "x3.csv:1: x2: found no such column",

@@ -1,12 +1,21 @@
 //! `inspect` and `predict` say and compute what the blob holds.
 
+#![expect(
+    clippy::unwrap_used,
+    reason = "a test file that cannot be made is a failed test"
+)]
+
 mod support;
 
 use std::fs;
 
 use support::{folder, names, said, truepose, write_blob};
 use truepose::Pose;
+use truepose::budget::Budget;
+use truepose::compensate::{Compensator, Request};
 use truepose::effects::{Ambient, Conditions};
+use truepose::params::Blob;
+use truepose_host::measurement::{Expected, Purpose, read};
 
 #[test]
 fn inspect_says_what_was_identified() {
@@ -94,6 +103,152 @@ q1,q2,q3,q4,q5,q6,payload
         );
     }
     assert_eq!(lines.next(), None);
+}
+
+/// Joints within the limits of the arm, well away from its singular poses, and the poses that
+/// they nominally reach, as a table of targets.
+fn targets(blob: &Blob<'_>) -> (Vec<Pose<f64>>, String) {
+    let model = blob.model::<f64, 6>().unwrap();
+    let mut table = String::from("q1,q2,q3,q4,q5,q6,x_mm,y_mm,z_mm,qw,qx,qy,qz,payload\n");
+    let mut poses = Vec::new();
+    for k in 0..20 {
+        let at = |speed: f64, middle: f64, half: f64| middle + half * (speed * f64::from(k)).sin();
+        let q = [
+            at(1.0, 0.0, 2.0),
+            at(1.7, 0.3, 0.5),
+            at(2.3, -0.3, 0.4),
+            at(3.1, 0.0, 2.0),
+            at(0.7, 1.2, 0.4),
+            at(1.3, 0.0, 2.5),
+        ];
+        let pose = model.nominal_pose(&q);
+        let p = pose.translation * 1e3;
+        let [w, x, y, z] = pose.quaternion();
+        for q in q {
+            table += &format!("{q},");
+        }
+        table += &format!("{},{},{},{w},{x},{y},{z},1.5\n", p.x, p.y, p.z);
+        poses.push(pose);
+    }
+    (poses, table)
+}
+
+#[test]
+fn compensated_commands_take_the_calibrated_arm_to_the_targets() {
+    let folder = folder("compensate");
+    let blob = write_blob(&folder);
+    let (poses, table) = targets(&blob);
+    fs::write(folder.join("T.csv"), table).unwrap();
+    let model = blob.model::<f64, 6>().unwrap();
+    let mut conditions = Conditions::default();
+    conditions.ambient.payload = 1.5;
+    // Converged means 1 um and 1 urad by the model's own prediction; in f32 that prediction
+    // itself rounds by as much.
+    for (precision, position, orientation) in [("f64", 1e-6, 1e-6), ("f32", 2e-6, 5e-6)] {
+        let (status, text, talk) = said(&truepose(
+            &folder,
+            &[
+                "compensate",
+                "--params",
+                "P.tpb",
+                "--targets",
+                "T.csv",
+                "--out",
+                "C.csv",
+                "--method",
+                "inverse-jacobian",
+                "--precision",
+                precision,
+                "--json",
+                "C.json",
+            ],
+        ));
+        assert_eq!((status, talk.as_str()), (0, ""));
+        let first = format!("six: 20 targets by inverse-jacobian in {precision}, written to C.csv");
+        assert_eq!(text.lines().next(), Some(first.as_str()));
+        let csv = fs::read_to_string(folder.join("C.csv")).unwrap();
+        let mut lines = csv.lines();
+        assert_eq!(lines.next(), Some("q1,q2,q3,q4,q5,q6,converged,iterations"));
+        for (pose, line) in poses.iter().zip(lines.by_ref()) {
+            let numbers: Vec<f64> = line.split(',').map(|n| n.parse().unwrap()).collect();
+            let [q1, q2, q3, q4, q5, q6, converged, iterations] = numbers[..] else {
+                panic!("{line}")
+            };
+            let off = model
+                .predict(&[q1, q2, q3, q4, q5, q6], &conditions)
+                .twist_to(pose);
+            assert!(off.linear.norm() < position, "{line}: {off:?}");
+            assert!(off.angular.norm() < orientation, "{line}: {off:?}");
+            assert!(converged > 0.5 || precision == "f32", "{line}");
+            assert!((1.0..=3.0).contains(&iterations), "{line}");
+        }
+        assert_eq!(lines.next(), None);
+        let json = fs::read_to_string(folder.join("C.json")).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+        assert_eq!(json["targets"], 20);
+        // The parameters are off by some tenths of a mm each.
+        assert!(json["largest_before"]["mm"].as_f64().unwrap() > 0.3);
+    }
+}
+
+#[test]
+fn single_precision_commands_are_the_bits_of_the_controller() {
+    let folder = folder("bits");
+    let blob = write_blob(&folder);
+    let (_, table) = targets(&blob);
+    fs::write(folder.join("T.csv"), table).unwrap();
+    let arguments = [
+        "compensate",
+        "--params",
+        "P.tpb",
+        "--targets",
+        "T.csv",
+        "--out",
+        "C.csv",
+    ];
+    let (status, ..) = said(&truepose(
+        &folder,
+        &[&arguments[..], &["--precision", "f32"]].concat(),
+    ));
+    assert_eq!(status, 0);
+    let csv = fs::read_to_string(folder.join("C.csv")).unwrap();
+    let model = blob.model::<f32, 6>().unwrap();
+    let file = folder.join("T.csv");
+    let read = read(&file, &Expected::of_blob(&blob), Purpose::Targets).unwrap();
+    let mut conditions = Conditions::default();
+    conditions.ambient.payload = 1.5;
+    for (line, row) in csv.lines().skip(1).zip(&read.rows) {
+        let q: [f64; 6] = row.q[..].try_into().unwrap();
+        let pose = row.pose().unwrap().cast();
+        let request = Request::pose(pose, q.map(|q| q as f32)).conditions(conditions);
+        let outcome = Compensator::new(&model).correct(&request, &mut Budget::unlimited());
+        let numbers = line.split(',').take(6).map(|n| n.parse::<f32>().unwrap());
+        let found: Vec<u32> = numbers.map(f32::to_bits).collect();
+        assert_eq!(found, outcome.q.map(f32::to_bits));
+    }
+    assert_eq!(read.rows.len(), 20);
+}
+
+#[test]
+fn an_unknown_method_is_refused_with_those_that_there_are() {
+    let folder = folder("method");
+    let arguments = [
+        "compensate",
+        "--params",
+        "P.tpb",
+        "--targets",
+        "T.csv",
+        "--out",
+        "C.csv",
+        "--method",
+        "magic",
+    ];
+    let (status, _, talk) = said(&truepose(&folder, &arguments));
+    assert_eq!(status, 2);
+    assert!(
+        talk.contains("'magic'") && talk.contains("inverse-jacobian"),
+        "{talk}"
+    );
 }
 
 #[test]

@@ -6,6 +6,7 @@
 //! it noticed with [`warn`] and hands back what is printed and written: nothing is written
 //! before all of it is there.
 
+mod compensate;
 mod inspect;
 mod options;
 mod predict;
@@ -33,6 +34,7 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Predict(predict::Options),
+    Compensate(compensate::Options),
     Inspect(inspect::Options),
 }
 
@@ -60,12 +62,14 @@ pub(crate) struct Outcome {
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
     let mut files = match &arguments.command {
         Command::Predict(options) => predict::files(options),
+        Command::Compensate(options) => compensate::files(options),
         Command::Inspect(options) => inspect::files(options),
     };
     files.outputs.extend(arguments.json.as_deref());
     output::check(&files.outputs, &files.inputs)?;
     let mut outcome = match &arguments.command {
         Command::Predict(options) => predict::run(options),
+        Command::Compensate(options) => compensate::run(options),
         Command::Inspect(options) => inspect::run(options),
     }?;
     if let Some(file) = &arguments.json {

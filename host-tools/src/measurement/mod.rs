@@ -10,7 +10,7 @@ mod split;
 
 use std::path::{Path, PathBuf};
 
-use truepose::effects::{Ambient, MAX_SENSORS};
+use truepose::effects::Ambient;
 use truepose::{JointKind, Pose};
 
 use crate::description::Robot;
@@ -90,7 +90,7 @@ pub struct Row {
     pub payload: Option<f64>,
     /// Centre of mass of the payload in the tool frame, m.
     pub payload_com: Option<[f64; 3]>,
-    /// degC, one a sensor.
+    /// degC, one a sensor; NaN where it was not measured.
     pub temperature: Vec<f64>,
     /// s since the start.
     pub time: Option<f64>,
@@ -183,19 +183,18 @@ impl Row {
         Pose::from_quaternion(self.orientation?, self.position?.into())
     }
 
-    /// Payload, temperatures and time as the model takes them; what the table does not have
-    /// is 0 there. Sensors beyond the model's number are not in it.
+    /// Payload, temperatures and time as the model takes them. What was not measured is at
+    /// the model's default: no payload, its centre at the tool point, temperatures and time
+    /// not known.
     pub fn ambient(&self) -> Ambient<f64> {
-        let mut temperature = [0.0; MAX_SENSORS];
-        for (to, from) in temperature.iter_mut().zip(&self.temperature) {
+        let mut ambient = Ambient::default();
+        for (to, from) in ambient.temperature.iter_mut().zip(&self.temperature) {
             *to = *from;
         }
-        Ambient {
-            payload: self.payload.unwrap_or(0.0),
-            payload_com: self.payload_com.unwrap_or_default().into(),
-            temperature,
-            time: self.time.unwrap_or(0.0),
-        }
+        ambient.payload = self.payload.unwrap_or(ambient.payload);
+        ambient.payload_com = self.payload_com.unwrap_or_default().into();
+        ambient.time = self.time.unwrap_or(ambient.time);
+        ambient
     }
 }
 

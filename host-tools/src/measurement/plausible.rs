@@ -28,6 +28,7 @@ pub(super) fn check(parsed: &mut Parsed, expected: &Expected) -> Result<(), Erro
             "fill in the blank cells",
         ));
     }
+    check_sessions(dataset)?;
     check_joints(dataset, columns, expected)?;
     check_positions(dataset, columns, expected)?;
     check_lengths(dataset, columns)?;
@@ -72,6 +73,25 @@ pub(super) fn check_enough(dataset: &Dataset, expected: &Expected) -> Result<(),
         ),
         "measure more poses",
     ))
+}
+
+/// A row belongs to some placement of the instrument or to none like all others.
+fn check_sessions(dataset: &Dataset) -> Result<(), Error> {
+    let lacking = dataset.rows.iter().find(|row| row.session.is_none());
+    match lacking {
+        Some(row) if dataset.available.session => {
+            let place = Place {
+                row: Some(row.number),
+                ..Place::line(&dataset.file, row.line)
+            };
+            Err(place.column("session").bad(
+                "a blank cell",
+                "the number of the instrument's placement",
+                "fill it in, or blank the row if it is not known",
+            ))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn check_joints(dataset: &Dataset, columns: &Columns, expected: &Expected) -> Result<(), Error> {

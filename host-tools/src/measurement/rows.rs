@@ -118,7 +118,7 @@ struct Reading<'a> {
     left_out: Vec<usize>,
     /// Rows with some blanks, for each group of columns that belong together.
     partly: Vec<(String, Vec<usize>)>,
-    /// Conditions as columns, blanks not filled yet, in the order of `condition_columns`.
+    /// Conditions as columns, in the order of `condition_columns`.
     conditions: Vec<Vec<Option<f64>>>,
     condition_columns: Vec<&'a Column>,
 }
@@ -255,7 +255,7 @@ impl<'a> Reading<'a> {
             direction,
             payload: None,
             payload_com: None,
-            temperature: vec![0.0; self.sensors],
+            temperature: vec![f64::NAN; self.sensors],
             time: None,
             session: None,
             set: Set::Identify,
@@ -415,20 +415,23 @@ impl<'a> Reading<'a> {
             ..Available::default()
         };
         for (column, values) in self.condition_columns.iter().zip(&self.conditions) {
-            let Some((filled, blank)) = fill(values) else {
+            if values.iter().all(Option::is_none) {
                 continue;
-            };
-            if !blank.is_empty() {
-                let number = |&k: &usize| self.rows.get(k).map(|r| r.number);
-                warnings.push(Warning::ConditionFilled {
-                    file: file(),
-                    column: column.name.clone(),
-                    rows: blank.iter().filter_map(number).collect(),
-                });
             }
             note(&mut available, column.field);
-            for (row, value) in self.rows.iter_mut().zip(filled) {
-                set_condition(row, column.field, value);
+            let mut blank = Vec::new();
+            for (row, value) in self.rows.iter_mut().zip(values) {
+                match value {
+                    Some(value) => set_condition(row, column.field, *value),
+                    None => blank.push(row.number),
+                }
+            }
+            if !blank.is_empty() {
+                warnings.push(Warning::ConditionBlank {
+                    file: file(),
+                    column: column.name.clone(),
+                    rows: blank,
+                });
             }
         }
         let dataset = Dataset {
@@ -463,22 +466,6 @@ fn measured(rows: &[Row]) -> Measured {
     } else {
         Measured::Nothing
     }
-}
-
-/// Fills blanks with the value before (at the start: after) them. Returns the values and the
-/// places that were blank; `None` where all are.
-fn fill(values: &[Option<f64>]) -> Option<(Vec<f64>, Vec<usize>)> {
-    let mut last = values.iter().copied().flatten().next()?;
-    let mut blank = Vec::new();
-    let mut filled = Vec::with_capacity(values.len());
-    for (k, value) in values.iter().enumerate() {
-        match value {
-            Some(x) => last = *x,
-            None => blank.push(k),
-        }
-        filled.push(last);
-    }
-    Some((filled, blank))
 }
 
 fn note(available: &mut Available, field: Field) {

@@ -1,0 +1,140 @@
+//! `truepose compensate`: corrected commands for a table of targets.
+
+use std::path::PathBuf;
+
+use clap::builder::PossibleValuesParser;
+use clap::{Args, ValueEnum};
+use serde_json::json;
+use truepose::Method;
+use truepose::compensate::{PoseError, Status};
+use truepose_host::compensate::{Corrected, Precision, compensate};
+use truepose_host::error::Error;
+use truepose_host::measurement::{self, Expected, Purpose};
+use truepose_host::output::Output;
+use truepose_host::parameters::{self, missing_conditions};
+
+use super::options::{Out, Params};
+use super::{Files, Outcome, warn};
+
+/// Correct joint commands so that the arm as it is reaches the targets
+#[derive(Debug, Args)]
+pub(crate) struct Options {
+    #[command(flatten)]
+    params: Params,
+    /// Poses to reach and the joints that nominally reach them
+    #[arg(long, value_name = "T.csv")]
+    targets: PathBuf,
+    #[command(flatten)]
+    out: Out,
+    /// Compensator, instead of the one that the parameters name
+    #[arg(long, value_name = "M", value_parser = PossibleValuesParser::new(Method::ALL.map(Method::name)))]
+    method: Option<String>,
+    /// Number type to compute in: f32 gives the bits of a single-precision controller
+    #[arg(long, value_enum, default_value_t = NumberType::F64)]
+    precision: NumberType,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum NumberType {
+    F32,
+    F64,
+}
+
+pub(crate) fn files(options: &Options) -> Files<'_> {
+    Files {
+        inputs: vec![&options.params.params, &options.targets],
+        outputs: vec![&options.out.out],
+    }
+}
+
+pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
+    let (params, targets, out) = (&options.params.params, &options.targets, &options.out.out);
+    let bytes = parameters::read(params)?;
+    let blob = parameters::decode(params, &bytes)?;
+    let table = measurement::read(targets, &Expected::of_blob(&blob), Purpose::Targets)?;
+    warn(&table.warnings);
+    warn(&missing_conditions(&blob, &table));
+
+    let method = options.method.as_deref().and_then(Method::named);
+    let precision = match options.precision {
+        NumberType::F32 => Precision::F32,
+        NumberType::F64 => Precision::F64,
+    };
+    let corrected = compensate(params, &blob, &table, method, precision)?;
+
+    let mut csv: String = (1..=blob.joints()).map(|k| format!("q{k},")).collect();
+    csv.push_str("converged,iterations\n");
+    for one in &corrected {
+        for &q in &one.q {
+            csv.push_str(&precision.shortest(q));
+            csv.push(',');
+        }
+        let converged = u8::from(one.status == Status::Converged);
+        csv.push_str(&format!("{converged},{}\n", one.iterations));
+    }
+    let method = method.unwrap_or(blob.settings.method).name();
+    let count = |is: fn(Status) -> bool| corrected.iter().filter(|c| is(c.status)).count();
+    let converged = count(|s| s == Status::Converged);
+    let refused = count(|s| !s.compensated());
+    let stopped = corrected.len() - converged - refused;
+    let iterations = corrected.iter().map(|c| c.iterations).max().unwrap_or(0);
+    let before = largest(&corrected, |c| c.initial);
+    let after = largest(&corrected, |c| c.remaining);
+    let text = format!(
+        "{}: {} targets by {method} in {precision}, written to {}\n\
+         {converged} converged, {stopped} stopped before, {refused} refused; \
+         at most {iterations} iterations\n\
+         largest predicted error: {} before, {} after\n",
+        blob.robot,
+        corrected.len(),
+        out.display(),
+        for_people(&before),
+        for_people(&after),
+    );
+    Ok(Outcome {
+        text,
+        json: json!({
+            "robot": blob.robot.as_str(),
+            "method": method,
+            "precision": precision.to_string(),
+            "targets": corrected.len(),
+            "converged": converged,
+            "stopped": stopped,
+            "refused": refused,
+            "iterations": iterations,
+            "largest_before": { "mm": before.position * 1e3, "deg": before.orientation.to_degrees() },
+            "largest_after": { "mm": after.position * 1e3, "deg": after.orientation.to_degrees() },
+            "out": out,
+        }),
+        outputs: vec![Output {
+            file: out.clone(),
+            bytes: csv.into_bytes(),
+        }],
+        answer: true,
+    })
+}
+
+fn largest(
+    corrected: &[Corrected],
+    error: impl Fn(&Corrected) -> Option<PoseError<f64>>,
+) -> PoseError<f64> {
+    let zero = PoseError {
+        position: 0.0,
+        orientation: 0.0,
+    };
+    corrected
+        .iter()
+        .filter_map(error)
+        .fold(zero, |a, b| PoseError {
+            position: a.position.max(b.position),
+            orientation: a.orientation.max(b.orientation),
+        })
+}
+
+fn for_people(error: &PoseError<f64>) -> String {
+    format!(
+        "{:.3e} mm, {:.3e} deg",
+        error.position * 1e3,
+        error.orientation.to_degrees()
+    )
+}
