@@ -1,7 +1,7 @@
 //! Which poses the cell's arm is sent to, and under which conditions.
 
 use super::drawing::Drawing;
-use super::random::Random;
+use crate::random::Random;
 
 /// One stop of the arm: what it is sent to and what holds there.
 #[derive(Clone, Debug, PartialEq)]

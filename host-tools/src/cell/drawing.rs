@@ -3,8 +3,8 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::random::Random;
 use super::solid::{Solid, shift, turn_x, turn_y, turn_z, xyz_rpy};
+use crate::random::Random;
 
 /// An arm of the cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

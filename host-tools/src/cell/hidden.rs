@@ -2,7 +2,7 @@
 
 use super::Arm;
 use super::drawing::{Drawing, Kind};
-use super::random::Random;
+use crate::random::Random;
 
 /// A physical effect. Joints and links count from 0, base to tool. Its size is one number in
 /// the unit given, its shape (phases, mixtures, directions) is drawn from the cell's seed.

@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use super::campaign::{Conditions, Visit};
-use super::random::Random;
 use super::solid::{Solid, moved, origin, place, quaternion};
+use crate::random::Random;
 
 /// What the instrument sees.
 #[derive(Clone, Debug, PartialEq)]

@@ -27,7 +27,7 @@ mod handover;
 mod hidden;
 mod instrument;
 mod physics;
-mod random;
+
 mod scale;
 mod solid;
 
@@ -41,11 +41,11 @@ pub use instrument::{Instrument, Measured, Row, Seen};
 pub use scale::Invisible;
 pub use solid::Solid;
 
+use crate::random::Random;
 use drawing::Drawing;
 use hidden::Shape;
 use instrument::{SetUp, observe};
 use physics::{Body, Placed, early};
-use random::Random;
 use solid::{origin, xyz_rpy};
 
 /// An arm, its hidden effects and its surroundings.

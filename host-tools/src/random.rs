@@ -1,45 +1,45 @@
-//! The cell's own seeded numbers: the same on every machine.
+//! Seeded random numbers, the same on every machine.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 /// A stream of random numbers. Streams of different `purpose` are independent of each other,
 /// so that one more draw here does not change what is drawn there.
-pub(crate) struct Random {
+pub struct Random {
     bits: ChaCha8Rng,
     spare: Option<f64>,
 }
 
 impl Random {
-    pub(crate) fn new(seed: u64, purpose: u64) -> Self {
+    pub fn new(seed: u64, purpose: u64) -> Self {
         let mut bits = ChaCha8Rng::seed_from_u64(seed);
         bits.set_stream(purpose);
         Self { bits, spare: None }
     }
 
     /// Uniform in [0, 1).
-    pub(crate) fn unit(&mut self) -> f64 {
+    pub fn unit(&mut self) -> f64 {
         // 53 bits, every one of them exact in f64.
         (self.bits.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     /// Uniform in [low, high).
-    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
     /// One of 0 .. count; 0 for none.
-    pub(crate) fn below(&mut self, count: usize) -> usize {
+    pub fn below(&mut self, count: usize) -> usize {
         ((self.unit() * count as f64) as usize).min(count.saturating_sub(1))
     }
 
     /// -1 or +1.
-    pub(crate) fn sign(&mut self) -> f64 {
+    pub fn sign(&mut self) -> f64 {
         if self.unit() < 0.5 { -1.0 } else { 1.0 }
     }
 
     /// Standard normal (Marsaglia's polar method).
-    pub(crate) fn normal(&mut self) -> f64 {
+    pub fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;
         }
@@ -55,7 +55,7 @@ impl Random {
     }
 
     /// Normal with deviation `sigma`, drawn again beyond three of them.
-    pub(crate) fn deviation(&mut self, sigma: f64) -> f64 {
+    pub fn deviation(&mut self, sigma: f64) -> f64 {
         loop {
             let x = self.normal();
             if x.abs() < 3.0 {
@@ -66,7 +66,7 @@ impl Random {
 
     /// Student's t with `freedom` degrees of freedom, scaled to unit variance where it has
     /// one (more than two).
-    pub(crate) fn student(&mut self, freedom: u32) -> f64 {
+    pub fn student(&mut self, freedom: u32) -> f64 {
         let x = self.normal();
         let squares: f64 = (0..freedom).map(|_| self.normal()).map(|y| y * y).sum();
         let nu = f64::from(freedom);
@@ -75,7 +75,7 @@ impl Random {
     }
 
     /// A direction in space, unit.
-    pub(crate) fn direction(&mut self) -> [f64; 3] {
+    pub fn direction(&mut self) -> [f64; 3] {
         loop {
             let v = [self.normal(), self.normal(), self.normal()];
             let norm = libm::sqrt(v.iter().map(|x| x * x).sum());

@@ -1,0 +1,276 @@
+//! Which poses to measure.
+//!
+//! A pose is worth what its rows add to the information on the parameters. Out of all poses
+//! within the joint limits, a set is chosen that makes the determinant of the information
+//! large (D-optimal, the same as large O1: it does not depend on the parameters' scaling), or
+//! the largest variance of the predicted tool anywhere small (minimax, G-optimal): first by
+//! exchange with a random pool, then by simulated annealing in the joint values themselves.
+
+mod design;
+mod forecast;
+mod search;
+
+use nalgebra::DMatrix;
+
+use crate::observability::{Observability, Unobservable};
+use crate::random::Random;
+
+use design::Blocks;
+pub use forecast::Forecast;
+use search::{Aim, Chosen, Pool, anneal, exchange};
+
+/// What a set of poses is chosen for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Criterion {
+    /// Small volume of the parameters' confidence region, large O1.
+    Determinant,
+    /// Small largest error of the predicted tool point.
+    Minimax,
+}
+
+/// How the search goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Number of poses to choose.
+    pub poses: usize,
+    /// What for.
+    pub criterion: Criterion,
+    /// Random poses that the exchange chooses from.
+    pub pool: usize,
+    /// Moves that the annealing tries.
+    pub proposals: usize,
+    /// Places at which the predicted tool is looked at.
+    pub places: usize,
+    /// Same seed, same plan.
+    pub seed: u64,
+}
+
+impl Settings {
+    /// `poses` of them, a search of some seconds.
+    pub fn new(poses: usize) -> Self {
+        Self {
+            poses,
+            criterion: Criterion::Determinant,
+            pool: 1500,
+            proposals: 40_000,
+            places: 400,
+            seed: 1,
+        }
+    }
+}
+
+/// The arm as far as a plan is concerned: what a pose shows of the parameters.
+pub trait Sensitivity {
+    /// Number of parameters.
+    fn parameters(&self) -> usize;
+
+    /// Rows that one measured pose gives.
+    fn height(&self) -> usize;
+
+    /// Lower and upper end of every joint, rad or m.
+    fn limits(&self) -> &[[f64; 2]];
+
+    /// Rows of the identification Jacobian at the readings `q`: row after row, each over the
+    /// instrument's sigma, each column times what may be expected of its parameter.
+    fn rows(&mut self, q: &[f64], rows: &mut [f64]);
+
+    /// d tool point / d parameters at the readings `q`, m, three rows, columns as in
+    /// [`Self::rows`].
+    fn tool(&mut self, q: &[f64], rows: &mut [f64]);
+}
+
+/// A chosen set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Joint values, rad or m, the most telling first: any first few of them are a good set
+    /// of their number.
+    pub poses: Vec<Vec<f64>>,
+    /// Of these poses and those measured already.
+    pub observability: Observability,
+    /// Of as many random poses within the limits, the median.
+    pub random: Option<Observability>,
+    /// How far off the predicted tool will be, for growing numbers of poses.
+    pub forecast: Vec<Forecast>,
+}
+
+/// Why there is no plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refused {
+    /// So many poses cannot show all parameters: rows, parameters.
+    TooFew(usize, usize),
+    /// Poses within the limits do not show all parameters.
+    Unobservable(Unobservable),
+}
+
+impl std::fmt::Display for Refused {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::TooFew(rows, parameters) => write!(
+                f,
+                "{rows} measured numbers cannot show {parameters} parameters; ask for more poses"
+            ),
+            Self::Unobservable(Unobservable::RankDeficient(rank, parameters)) => write!(
+                f,
+                "poses within these limits show {rank} combinations of {parameters} parameters"
+            ),
+            Self::Unobservable(Unobservable::NotANumber) => {
+                write!(f, "the model gives numbers that are not finite")
+            }
+        }
+    }
+}
+
+impl std::error::Error for Refused {}
+
+/// Random numbers of the pool, the annealing, the workspace and the comparison.
+const POOL: u64 = 1;
+const ANNEAL: u64 = 2;
+const PLACES: u64 = 3;
+const COMPARE: u64 = 4;
+
+/// Random sets that a plan is compared with.
+const RANDOM_SETS: u64 = 21;
+
+/// Chooses poses for `arm`. `measured`: readings of poses that are measured already. `tell`
+/// is called with the share done, 0 to 1.
+pub fn plan(
+    arm: &mut dyn Sensitivity,
+    settings: &Settings,
+    measured: &[Vec<f64>],
+    tell: &mut dyn FnMut(f64),
+) -> Result<Plan, Refused> {
+    let (width, height) = (arm.parameters(), arm.height());
+    let limits = arm.limits().to_vec();
+    let total = settings.poses + measured.len();
+    if total * height < width || settings.poses == 0 {
+        return Err(Refused::TooFew(total * height, width));
+    }
+    let before = blocks(arm, measured);
+    let mut fixed = DMatrix::zeros(width, width);
+    (0..before.len()).for_each(|i| before.inform(i, &mut fixed));
+
+    let mut random = Random::new(settings.seed, POOL);
+    let q = random_poses(&limits, settings.pool.max(2 * settings.poses), &mut random);
+    let pool = Pool {
+        blocks: blocks(arm, &q),
+        q,
+    };
+    let members = exchange(&pool, &fixed, settings.poses);
+    tell(0.2);
+
+    let mut chosen = Chosen {
+        q: members
+            .iter()
+            .filter_map(|&i| pool.q.get(i).cloned())
+            .collect(),
+        blocks: Blocks::new(width, height),
+    };
+    members
+        .iter()
+        .for_each(|&i| chosen.blocks.push(pool.blocks.get(i)));
+    let looked_at = random_poses(
+        &limits,
+        settings.places,
+        &mut Random::new(settings.seed, PLACES),
+    );
+    let places = tools(arm, &looked_at);
+    let mut chance = Random::new(settings.seed, ANNEAL);
+    let mut rows = |q: &[f64], block: &mut [f64]| arm.rows(q, block);
+    let proposals = settings.proposals;
+    let mut steps = vec![(Aim::Determinant, settings.proposals)];
+    if settings.criterion == Criterion::Minimax {
+        // Close to D-optimal is close to minimax; an eighth, since each move is dearer.
+        steps.push((Aim::Largest(&places), settings.proposals / 8));
+    }
+    for (aim, proposals) in &steps {
+        anneal(
+            &mut chosen,
+            &fixed,
+            &limits,
+            aim,
+            *proposals,
+            &mut chance,
+            &mut rows,
+        );
+        tell(0.7);
+    }
+    tell(0.9);
+
+    let order = forecast::order(&chosen.blocks, &fixed);
+    let poses: Vec<Vec<f64>> = order
+        .iter()
+        .filter_map(|&i| chosen.q.get(i).cloned())
+        .collect();
+    let forecast = forecast::forecast(&chosen.blocks, &order, &before, &places);
+    let observability = observe(&before, &chosen.blocks).map_err(Refused::Unobservable)?;
+
+    let mut random = Random::new(settings.seed, COMPARE);
+    let mut compared: Vec<Observability> = (0..RANDOM_SETS)
+        .filter_map(|_| {
+            let q = random_poses(&limits, settings.poses, &mut random);
+            observe(&before, &blocks(arm, &q)).ok()
+        })
+        .collect();
+    compared.sort_by(|a, b| a.o1().total_cmp(&b.o1()));
+    let middle = compared.len() / 2;
+    tell(1.0);
+    Ok(Plan {
+        poses,
+        observability,
+        random: compared.into_iter().nth(middle),
+        forecast,
+    })
+}
+
+/// Observability of a set of poses as they are.
+pub fn assess(
+    arm: &mut dyn Sensitivity,
+    poses: &[Vec<f64>],
+) -> Result<Observability, Unobservable> {
+    let (width, height) = (arm.parameters(), arm.height());
+    observe(&Blocks::new(width, height), &blocks(arm, poses))
+}
+
+/// Evenly distributed joint values within the limits.
+pub fn random_poses(limits: &[[f64; 2]], count: usize, random: &mut Random) -> Vec<Vec<f64>> {
+    (0..count)
+        .map(|_| {
+            limits
+                .iter()
+                .map(|&[low, high]| random.between(low, high))
+                .collect()
+        })
+        .collect()
+}
+
+fn blocks(arm: &mut dyn Sensitivity, poses: &[Vec<f64>]) -> Blocks {
+    let mut blocks = Blocks::new(arm.parameters(), arm.height());
+    let mut block = vec![0.0; blocks.width * blocks.height];
+    for q in poses {
+        arm.rows(q, &mut block);
+        blocks.push(&block);
+    }
+    blocks
+}
+
+fn tools(arm: &mut dyn Sensitivity, poses: &[Vec<f64>]) -> Blocks {
+    let mut blocks = Blocks::new(arm.parameters(), 3);
+    let mut block = vec![0.0; blocks.width * 3];
+    for q in poses {
+        arm.tool(q, &mut block);
+        blocks.push(&block);
+    }
+    blocks
+}
+
+fn observe(before: &Blocks, chosen: &Blocks) -> Result<Observability, Unobservable> {
+    let numbers: Vec<f64> = before
+        .numbers
+        .iter()
+        .chain(&chosen.numbers)
+        .copied()
+        .collect();
+    let rows = numbers.len() / chosen.width.max(1);
+    let jacobian = DMatrix::from_row_slice(rows, chosen.width, &numbers);
+    Observability::of(&jacobian, before.len() + chosen.len())
+}
