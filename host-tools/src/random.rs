@@ -11,6 +11,7 @@ pub struct Random {
 }
 
 impl Random {
+    /// Numbers of `seed` for one purpose.
     pub fn new(seed: u64, purpose: u64) -> Self {
         let mut bits = ChaCha8Rng::seed_from_u64(seed);
         bits.set_stream(purpose);

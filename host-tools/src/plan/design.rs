@@ -120,6 +120,11 @@ impl Covariance {
             .sum()
     }
 
+    /// Trace of the product with another symmetric matrix.
+    pub(crate) fn trace_with(&self, other: &DMatrix<f64>) -> f64 {
+        dot(&self.matrix, other.as_slice())
+    }
+
     /// What adding (`sign` = 1) or removing (-1) a block changes; `None` where the rest would
     /// be singular.
     pub(crate) fn update(&self, block: &[f64], sign: f64) -> Option<(Update, f64)> {

@@ -6,6 +6,8 @@
 //! the largest variance of the predicted tool anywhere small (minimax, G-optimal): first by
 //! exchange with a random pool, then by simulated annealing in the joint values themselves.
 
+mod arm;
+mod bound;
 mod design;
 mod forecast;
 mod search;
@@ -15,6 +17,7 @@ use nalgebra::DMatrix;
 use crate::observability::{Observability, Unobservable};
 use crate::random::Random;
 
+pub use arm::{MeasuredArm, Seen, limits};
 use design::Blocks;
 pub use forecast::Forecast;
 use search::{Aim, Chosen, Pool, anneal, exchange};
@@ -89,6 +92,8 @@ pub struct Plan {
     pub observability: Observability,
     /// Of as many random poses within the limits, the median.
     pub random: Option<Observability>,
+    /// No set of as many poses within the limits has an O1 above this.
+    pub o1_bound: f64,
     /// How far off the predicted tool will be, for growing numbers of poses.
     pub forecast: Vec<Forecast>,
 }
@@ -122,11 +127,12 @@ impl std::fmt::Display for Refused {
 
 impl std::error::Error for Refused {}
 
-/// Random numbers of the pool, the annealing, the workspace and the comparison.
+/// Random numbers of the pool, the annealing, the workspace, the comparison and the bound.
 const POOL: u64 = 1;
 const ANNEAL: u64 = 2;
 const PLACES: u64 = 3;
 const COMPARE: u64 = 4;
+const BOUND: u64 = 6;
 
 /// Random sets that a plan is compared with.
 const RANDOM_SETS: u64 = 21;
@@ -176,7 +182,6 @@ pub fn plan(
     let places = tools(arm, &looked_at);
     let mut chance = Random::new(settings.seed, ANNEAL);
     let mut rows = |q: &[f64], block: &mut [f64]| arm.rows(q, block);
-    let proposals = settings.proposals;
     let mut steps = vec![(Aim::Determinant, settings.proposals)];
     if settings.criterion == Criterion::Minimax {
         // Close to D-optimal is close to minimax; an eighth, since each move is dearer.
@@ -204,6 +209,10 @@ pub fn plan(
     let forecast = forecast::forecast(&chosen.blocks, &order, &before, &places);
     let observability = observe(&before, &chosen.blocks).map_err(Refused::Unobservable)?;
 
+    let mut random = Random::new(settings.seed, BOUND);
+    let room = bound::room_for_improvement(arm, &chosen.blocks, &fixed, &mut random);
+    let o1_bound = observability.o1() * room.unwrap_or(f64::INFINITY);
+
     let mut random = Random::new(settings.seed, COMPARE);
     let mut compared: Vec<Observability> = (0..RANDOM_SETS)
         .filter_map(|_| {
@@ -218,6 +227,7 @@ pub fn plan(
         poses,
         observability,
         random: compared.into_iter().nth(middle),
+        o1_bound,
         forecast,
     })
 }
