@@ -102,6 +102,14 @@ pub fn structure(arm: &ArmModel, sigmas: Sigmas) -> Structure {
             }
         }
     }
+    // Where a slide and a turn are parallel, theta of the first does nothing and its axis needs
+    // the second tilt. Last in priority: it is left out wherever theta and d are enough.
+    for (j, joint) in arm.joints.iter().enumerate() {
+        let beta = Unknown::Joint(j, Parameter::Beta);
+        if joint.parameters().contains(&Parameter::Beta) && !candidates.contains(&beta) {
+            candidates.push(beta);
+        }
+    }
     let poses = generic_poses(arm, 12);
     let references: Vec<&Observation> = poses.iter().collect();
     let scales = vec![1.0; candidates.len()];

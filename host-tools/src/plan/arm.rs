@@ -65,6 +65,7 @@ impl MeasuredArm {
             row: 0,
             q: vec![0.0; arm.joint_count()],
             direction: vec![0.0; arm.joint_count()],
+            travel: vec![0.0; arm.joint_count()],
             ambient: Ambient::default(),
             session: 0,
             position: (seen != Seen::Length).then_some(zero),

@@ -184,8 +184,8 @@ pub fn plan(
     let mut rows = |q: &[f64], block: &mut [f64]| arm.rows(q, block);
     let mut steps = vec![(Aim::Determinant, settings.proposals)];
     if settings.criterion == Criterion::Minimax {
-        // Close to D-optimal is close to minimax; an eighth, since each move is dearer.
-        steps.push((Aim::Largest(&places), settings.proposals / 8));
+        // Close to D-optimal is close to minimax; a quarter, since each move is dearer.
+        steps.push((Aim::Largest(&places), settings.proposals / 4));
     }
     for (aim, proposals) in &steps {
         anneal(

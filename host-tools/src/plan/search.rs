@@ -119,6 +119,25 @@ pub(crate) enum Aim<'a> {
     Largest(&'a Blocks),
 }
 
+impl Aim<'_> {
+    /// What is accepted at the start with a probability of 1/e: far below what one pose is
+    /// worth.
+    fn heat(&self) -> f64 {
+        match self {
+            Self::Determinant => 0.02,
+            Self::Largest(_) => 2e-4,
+        }
+    }
+}
+
+/// Logarithm of the largest variance, smoothed: of the mean of 16th powers, so that a move can
+/// help before it helps at the very worst place.
+fn largest(variances: &[f64]) -> f64 {
+    let worst = variances.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    let mean: f64 = variances.iter().map(|v| (v / worst).powi(16)).sum::<f64>();
+    worst.ln() + (mean / variances.len().max(1) as f64).ln() / 16.0
+}
+
 /// Poses under annealing.
 pub(crate) struct Chosen {
     pub(crate) q: Vec<Vec<f64>>,
@@ -201,11 +220,10 @@ pub(crate) fn anneal(
                     let place = places.get(k);
                     v - add.of_variance(place, width) - remove.of_variance(place, width)
                 }));
-                let largest = |v: &[f64]| v.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-                (largest(&new_variances) / largest(&variances)).ln()
+                largest(&new_variances) - largest(&variances)
             }
         };
-        let heat = 0.02 * left * left;
+        let heat = aim.heat() * left * left;
         if step <= 0.0 || chance.unit() < (-step / heat).exp() {
             tried.apply(&remove, lost);
             covariance = tried;
