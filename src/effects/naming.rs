@@ -74,6 +74,9 @@ pub struct Kind {
     /// Names of its components, where one effect is one of several; where it may act on a
     /// joint or the base, those of the base.
     pub components: &'static [&'static str],
+    /// The components are parts of one explanation, to be tried together; otherwise each is
+    /// an explanation of its own.
+    pub together: bool,
 }
 
 const JOINT: Kind = Kind {
@@ -85,6 +88,7 @@ const JOINT: Kind = Kind {
     order: Wish::No,
     from: Wish::No,
     components: &[],
+    together: false,
 };
 
 impl Kind {
@@ -100,6 +104,7 @@ impl Kind {
         Self {
             base: true,
             components: &AXES,
+            together: true,
             ..Self::joint(name, needs)
         }
     }
@@ -161,6 +166,7 @@ pub const KINDS: &[Kind] = &[
     Kind {
         only: Some(JointKind::Prismatic),
         components: &AXES,
+        together: true,
         ..Kind::joint("prismatic-straightness", Needs::Joints)
     },
 ];

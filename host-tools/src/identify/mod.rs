@@ -200,6 +200,8 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
     } else {
         let mut arm = geometric.arm.clone();
         arm.effects = problem.effects.clone();
+        // fixes them in the links
+        arm.bake();
         let mut with_effects = candidates.clone();
         for (effect, e) in problem.effects.iter().enumerate() {
             with_effects.extend(
