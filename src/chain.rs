@@ -221,7 +221,7 @@ pub fn forward<T: Scalar>(
     let mut p = start.translation;
     for ((joint, &q), frame) in joints.iter().zip(q).zip(frames.iter_mut()) {
         let (s, c) = match joint.kind {
-            JointKind::Revolute => (q + joint.theta).sincos(),
+            JointKind::Revolute => q.sincos_beside(joint.theta),
             JointKind::Prismatic => (joint.sincos_theta[0], joint.sincos_theta[1]),
         };
         let x1 = x * c + y * s;

@@ -19,9 +19,14 @@ pub trait Scalar: RealField + Copy {
 
     /// Sine and cosine of an angle in rad.
     ///
-    /// Absolute error below 1.2e-7 (`f32`, |x| <= 100) and 3e-16 (`f64`, |x| <= 1000); grows
+    /// Absolute error below 1.0e-7 (`f32`, |x| <= 100) and 3e-16 (`f64`, |x| <= 1000); grows
     /// with |x| beyond, where NaN and infinity give NaN. See `tests/sine_and_cosine.rs`.
     fn sincos(self) -> (Self, Self);
+
+    /// Sine and cosine of `self + offset`, |offset| <= pi/2. The sum is not rounded at its
+    /// full size: an angle of several turns loses nothing to a small offset. Absolute error
+    /// below 1.7e-7 (`f32`, |self| <= 7). Cost: `sine_and_cosine` in `docs/COST.md`.
+    fn sincos_beside(self, offset: Self) -> (Self, Self);
 
     /// Angle of the point (`x`, `self`) in (-pi, pi], rad, the same bits on every core.
     fn arctangent2(self, x: Self) -> Self;
@@ -65,24 +70,14 @@ macro_rules! split {
     }};
 }
 
-/// Sine and cosine on +-pi/4 by odd and even polynomials in `r`, then turned into the
-/// quadrant `quarter`.
-macro_rules! quadrant {
+/// Turns a sine and cosine by `quarter` quarter turns. With a table there is nothing to
+/// decide, and the products with 0 and +-1 are exact.
+macro_rules! quarter_turns {
     ($sine:expr, $cosine:expr, $quarter:expr) => {{
+        const TURNS: [[f32; 2]; 4] = [[0.0, 1.0], [1.0, 0.0], [0.0, -1.0], [-1.0, 0.0]];
+        let [s, c] = TURNS[($quarter & 3) as usize].map(Self::from);
         let (sine, cosine) = ($sine, $cosine);
-        let (s, c) = if $quarter & 1 == 0 {
-            (sine, cosine)
-        } else {
-            (cosine, sine)
-        };
-        (
-            if $quarter & 2 == 0 { s } else { -s },
-            if $quarter.wrapping_add(1) & 2 == 0 {
-                c
-            } else {
-                -c
-            },
-        )
+        (sine * c + cosine * s, cosine * c - sine * s)
     }};
 }
 
@@ -101,20 +96,26 @@ impl Scalar for f32 {
 
     #[inline]
     fn sincos(self) -> (Self, Self) {
+        self.sincos_beside(0.0)
+    }
+
+    #[inline]
+    fn sincos_beside(self, offset: Self) -> (Self, Self) {
         // Adding and taking away 1.5 * 2^23 rounds to the nearest integer; its low bits are
         // the quadrant.
         const ROUND: f32 = 12_582_912.0;
-        let shifted = self * core::f32::consts::FRAC_2_PI + ROUND;
+        let shifted = (self + offset) * core::f32::consts::FRAC_2_PI + ROUND;
         let quarter = shifted.to_bits();
         let k = shifted - ROUND;
-        // pi/2 in three parts, the first two with few enough bits for k * part to be exact.
-        let r = ((self - k * 1.570_312_5) - k * 4.837_513e-4) - k * 7.549_79e-8;
+        // pi/2 in two parts, the first with few enough bits for k times it to be exact. The
+        // offset comes in between, where the angle is small already.
+        let r = ((self - k * 1.570_312_5) + offset) - k * 4.838_267_9e-4;
         let z = r * r;
         // Minimax on |r| <= pi/4, Cephes' single precision coefficients (Moshier 1989).
         let sine = ((-1.951_529_6e-4 * z + 8.332_161e-3) * z - 1.666_665_5e-1) * z * r + r;
         let cosine =
-            ((2.443_315_7e-5 * z - 1.388_731_6e-3) * z + 4.166_664_6e-2) * z * z - 0.5 * z + 1.0;
-        quadrant!(sine, cosine, quarter)
+            (((2.443_315_7e-5 * z - 1.388_731_6e-3) * z + 4.166_664_6e-2) * z - 0.5) * z + 1.0;
+        quarter_turns!(sine, cosine, quarter)
     }
 
     fn arctangent2(self, x: Self) -> Self {
@@ -161,12 +162,17 @@ impl Scalar for f64 {
 
     #[inline]
     fn sincos(self) -> (Self, Self) {
+        self.sincos_beside(0.0)
+    }
+
+    #[inline]
+    fn sincos_beside(self, offset: Self) -> (Self, Self) {
         const ROUND: f64 = 6_755_399_441_055_744.0;
-        let shifted = self * core::f64::consts::FRAC_2_PI + ROUND;
+        let shifted = (self + offset) * core::f64::consts::FRAC_2_PI + ROUND;
         let quarter = shifted.to_bits();
         let k = shifted - ROUND;
         // Three parts of 33, 33 and 53 bits of pi/2: exact products for |k| < 2^20.
-        let r = ((self - k * f64::from_bits(0x3FF9_21FB_5440_0000))
+        let r = (((self - k * f64::from_bits(0x3FF9_21FB_5440_0000)) + offset)
             - k * f64::from_bits(0x3DD0_B461_1A60_0000))
             - k * f64::from_bits(0x3BA3_198A_2E03_7073);
         let z = r * r;
@@ -194,7 +200,7 @@ impl Scalar for f64 {
             * z
             - 0.5 * z
             + 1.0;
-        quadrant!(sine, cosine, quarter)
+        quarter_turns!(sine, cosine, quarter)
     }
 
     fn arctangent2(self, x: Self) -> Self {
