@@ -109,7 +109,7 @@ impl Scalar for f32 {
         let k = shifted - ROUND;
         // pi/2 in two parts, the first with few enough bits for k times it to be exact. The
         // offset comes in between, where the angle is small already.
-        let r = ((self - k * 1.570_312_5) + offset) - k * 4.838_267_9e-4;
+        let r = ((self - k * 1.570_312_5) + offset) - k * 4.838_268e-4;
         let z = r * r;
         // Minimax on |r| <= pi/4, Cephes' single precision coefficients (Moshier 1989).
         let sine = ((-1.951_529_6e-4 * z + 8.332_161e-3) * z - 1.666_665_5e-1) * z * r + r;

@@ -69,7 +69,7 @@ impl<T: Scalar> Default for Settings<T> {
             position_weight: T::one(),
             orientation_weight: T::one(),
             damping: T::of(1e-7),
-            singular_value: T::of(0.04),
+            singular_value: T::of(0.03),
             correction_bound: [T::of(0.2), T::of(0.2)],
             iteration_cycles: None,
         }

@@ -3,8 +3,11 @@
 use core::fmt::{self, Write};
 use core::panic::PanicInfo;
 
+use cortex_m::peripheral::SYST;
+use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_semihosting::debug::{self, EXIT_FAILURE, EXIT_SUCCESS};
 use cortex_m_semihosting::hio;
+use truepose::budget::Clock;
 
 /// The emulator's standard output, a line a call: each call stops the core.
 struct Console {
@@ -38,6 +41,39 @@ impl Write for Console {
         }
         Ok(())
     }
+}
+
+/// SysTick's period: all of its 24 bits.
+const RELOAD: u32 = 0x00FF_FFFF;
+
+/// Counts instructions by the emulator's clock.
+///
+/// Under `-icount shift=8` an instruction is 256 ns of the machine's time and SysTick runs at
+/// 25 MHz: 6.4 ticks an instruction, right to one instruction, 2.6 million of them a period.
+#[derive(Debug)]
+pub struct Instructions(());
+
+impl Clock for Instructions {
+    fn now(&self) -> u32 {
+        SYST::get_current()
+    }
+
+    fn elapsed(&self, since: u32) -> u32 {
+        let ticks = since.wrapping_sub(self.now()) & RELOAD;
+        // Up to 2^24 * 10 ticks fit.
+        ticks * 10 / 64
+    }
+}
+
+/// Starts SysTick. The one caller is the program's own start.
+pub fn clock() -> Instructions {
+    if let Some(mut core) = cortex_m::Peripherals::take() {
+        core.SYST.set_clock_source(SystClkSource::Core);
+        core.SYST.set_reload(RELOAD);
+        core.SYST.clear_current();
+        core.SYST.enable_counter();
+    }
+    Instructions(())
 }
 
 fn leave(status: debug::ExitStatus) -> ! {

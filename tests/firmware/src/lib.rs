@@ -8,13 +8,24 @@
 pub mod arm;
 #[cfg(target_os = "none")]
 pub mod board;
+pub mod compensation;
 pub mod cost;
 pub mod draws;
 pub mod kinematics;
+pub mod parameters;
 
 #[cfg(target_os = "none")]
 #[doc(hidden)]
 pub use cortex_m_rt;
+
+#[cfg(target_os = "none")]
+pub use board::clock;
+
+/// A clock for programs: on the target it counts instructions, here it stands still.
+#[cfg(not(target_os = "none"))]
+pub fn clock() -> impl truepose::budget::Clock {
+    truepose::budget::NoClock
+}
 
 /// The entry point of a program: a function that writes what it computed.
 #[macro_export]
