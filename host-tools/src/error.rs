@@ -137,13 +137,19 @@ impl fmt::Display for Place {
 
 impl fmt::Display for BadInput {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            place,
-            found,
-            expected,
-            advice,
-        } = self;
-        write!(f, "{place}: found {found}, expected {expected}; {advice}")
+        // Files may hold anything: a message stays on one line.
+        let text = format!(
+            "{}: found {}, expected {}; {}",
+            self.place, self.found, self.expected, self.advice
+        );
+        for c in text.chars() {
+            if c.is_control() {
+                write!(f, "{}", c.escape_default())?;
+            } else {
+                write!(f, "{c}")?;
+            }
+        }
+        Ok(())
     }
 }
 

@@ -118,7 +118,7 @@ fn tables() -> Vec<(&'static str, String, &'static str)> {
         (
             "no_limits",
             row("0,0,0,0,0,-179,1,1,1"),
-            "row 21, column q6: found -179.000000 rad, expected at most 50 rad; if the column is",
+            "row 21, column q6: found -179.000000 rad, expected at most 25 rad; if the column is",
         ),
         (
             "millimetres",

@@ -9,8 +9,8 @@ use crate::error::{Error, Place};
 use crate::units::Quantity;
 use crate::warning::Warning;
 
-/// A joint without limits does not wind up further, rad.
-const LARGEST_TURN: f64 = 16.0 * std::f64::consts::PI;
+/// A joint without limits does not wind up further, rad: four turns.
+const LARGEST_TURN: f64 = 8.0 * std::f64::consts::PI;
 /// A joint without limits does not slide further, and no instrument measures further, m.
 const LARGEST_LENGTH: f64 = 100.0;
 /// Joints in degrees that all stay below this are suspected to be in radians, rad.
