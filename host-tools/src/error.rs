@@ -35,6 +35,8 @@ pub enum Error {
     Json(serde_json::Error),
     /// The options contradict each other or the files.
     Usage(String),
+    /// A report could not be put into its form.
+    Drawing(Box<dyn std::error::Error>),
 }
 
 /// Where in a file something is wrong. Every number counts from 1.
@@ -166,6 +168,7 @@ impl fmt::Display for Error {
             Self::Blob { file, cause } => write!(f, "{}: {cause}", file.display()),
             Self::Json(cause) => write!(f, "the result cannot be written as JSON: {cause}"),
             Self::Usage(what) => write!(f, "{what}"),
+            Self::Drawing(cause) => write!(f, "the report cannot be drawn: {cause}"),
         }
     }
 }
@@ -176,6 +179,7 @@ impl std::error::Error for Error {
             Self::Read { cause, .. } | Self::Write { cause, .. } => Some(cause),
             Self::Blob { cause, .. } => Some(cause),
             Self::Json(cause) => Some(cause),
+            Self::Drawing(cause) => Some(cause.as_ref()),
             Self::Input(_) | Self::Usage(_) => None,
         }
     }

@@ -3,6 +3,7 @@
 
 pub mod cell;
 pub mod compensate;
+pub mod deploy;
 pub mod description;
 pub mod error;
 pub mod identify;
@@ -16,5 +17,6 @@ pub mod parameters;
 pub mod plan;
 pub mod predict;
 pub mod random;
+pub mod report;
 mod units;
 pub mod warning;

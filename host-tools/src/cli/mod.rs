@@ -7,6 +7,7 @@
 //! before all of it is there.
 
 mod compensate;
+mod identify;
 mod inspect;
 mod options;
 mod predict;
@@ -33,6 +34,7 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Identify(identify::Options),
     Predict(predict::Options),
     Compensate(compensate::Options),
     Inspect(inspect::Options),
@@ -61,6 +63,7 @@ pub(crate) struct Outcome {
 /// Runs the command and writes its files.
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
     let mut files = match &arguments.command {
+        Command::Identify(options) => identify::files(options),
         Command::Predict(options) => predict::files(options),
         Command::Compensate(options) => compensate::files(options),
         Command::Inspect(options) => inspect::files(options),
@@ -68,6 +71,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
     files.outputs.extend(arguments.json.as_deref());
     output::check(&files.outputs, &files.inputs)?;
     let mut outcome = match &arguments.command {
+        Command::Identify(options) => identify::run(options),
         Command::Predict(options) => predict::run(options),
         Command::Compensate(options) => compensate::run(options),
         Command::Inspect(options) => inspect::run(options),

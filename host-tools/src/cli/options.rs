@@ -27,3 +27,19 @@ pub(super) struct Out {
     #[arg(long, value_name = "FILE")]
     pub(super) out: PathBuf,
 }
+
+/// `--robot`.
+#[derive(Debug, Args)]
+pub(super) struct RobotFile {
+    /// Nominal robot, TOML or URDF
+    #[arg(long, value_name = "R")]
+    pub(super) robot: PathBuf,
+}
+
+/// `--report`.
+#[derive(Debug, Args)]
+pub(super) struct Page {
+    /// Write the report as a page to FILE too
+    #[arg(long, value_name = "FILE.html")]
+    pub(super) report: Option<PathBuf>,
+}

@@ -9,17 +9,23 @@ pub mod align;
 pub mod arm;
 pub mod assess;
 pub mod factor;
+mod failure;
 pub mod gross;
 pub mod linearize;
+pub mod named;
+pub mod noise;
 pub mod observation;
 pub mod problem;
+pub mod readings;
 pub mod solve;
 pub mod structure;
+pub(crate) mod uncertainty;
 pub mod unknown;
 
 use align::{first_guess, turn_tool_to_targets};
 use arm::ArmModel;
 use factor::Dropped;
+pub use failure::{Failure, ROWS_A_SESSION};
 use gross::gross;
 use observation::{Observation, Sigmas};
 use problem::Problem;
@@ -62,17 +68,6 @@ pub struct Calibration {
     pub statuses: Vec<(Unknown, Status)>,
     /// Data rows left out as gross errors.
     pub rejected: Vec<usize>,
-}
-
-/// Why an identification could not be done.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Failure {
-    /// Fewer equations than a fit needs: found, needed.
-    TooFewEquations(usize, usize),
-    /// The alignment of base and tool did not converge.
-    NotAligned,
-    /// The fit did not converge.
-    NotConverged,
 }
 
 /// Placement unknowns that the data can show at all.
@@ -152,10 +147,32 @@ fn typical_distance(stage: &Stage, observations: &[&Observation]) -> f64 {
     distances.get(distances.len() / 2).copied().unwrap_or(0.0)
 }
 
+/// What no fit can make up for.
+fn check(problem: &Problem) -> Result<(), Failure> {
+    let moves = |o: &Observation, first: &Observation| {
+        o.q.iter().zip(&first.q).any(|(a, b)| (a - b).abs() > 1e-6)
+    };
+    let Some(first) = problem.identify.first() else {
+        return Err(Failure::TooFewEquations(0, 6));
+    };
+    if !problem.identify.iter().any(|o| moves(o, first)) {
+        return Err(Failure::OnePose);
+    }
+    for (session, &number) in problem.sessions.iter().enumerate() {
+        let rows = problem.identify.iter().filter(|o| o.session == session);
+        let rows = rows.count();
+        if rows < ROWS_A_SESSION {
+            return Err(Failure::ThinSession(number, rows));
+        }
+    }
+    Ok(())
+}
+
 /// Identifies the arm's geometry, and the problem's effects with it.
 pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
     let equations: usize = problem.identify.iter().map(Observation::equations).sum();
     let all: Vec<&Observation> = problem.identify.iter().collect();
+    check(problem)?;
     let mut nominal = align(problem)?;
     turn_tool_to_targets(&mut nominal.arm, &problem.target_offsets);
 
@@ -189,7 +206,7 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
     }
     turn_tool_to_targets(&mut geometric, &problem.target_offsets);
     if !solved.converged {
-        return Err(Failure::NotConverged);
+        return Err(Failure::NotConverged(solved.variance().sqrt()));
     }
     let geometric = Stage {
         arm: geometric,
@@ -210,7 +227,7 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
         }
         let (fit, also) = fit(&mut arm, &with_effects, &kept_rows, problem.sigmas);
         if !fit.converged {
-            return Err(Failure::NotConverged);
+            return Err(Failure::NotConverged(fit.variance().sqrt()));
         }
         turn_tool_to_targets(&mut arm, &problem.target_offsets);
         candidates = with_effects;
@@ -229,8 +246,11 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
 }
 
 fn names(arm: &ArmModel, parts: &[(usize, f64)], of: &[Unknown]) -> String {
+    // Weights are sorted; below a fiftieth of the largest they are the frames' small tilts.
+    let largest = parts.first().map_or(0.0, |p| p.1.abs());
     let named: Vec<String> = parts
         .iter()
+        .filter(|(_, weight)| weight.abs() >= 0.02 * largest)
         .filter_map(|&(k, _)| of.get(k))
         .map(|u| u.name(arm))
         .collect();

@@ -13,7 +13,7 @@ use super::unknown::{Unknown, apply};
 pub const VISIBLE: f64 = 0.5;
 
 /// Observations linearised at once: memory stays bounded for any number of rows.
-const BLOCK: usize = 512;
+pub(super) const BLOCK: usize = 512;
 
 const MAX_ITERATIONS: usize = 60;
 

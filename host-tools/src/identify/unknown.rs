@@ -1,6 +1,7 @@
 //! The parameters of an arm model, one by one: name, unit, value, and how to change it.
 
 use nalgebra::Vector3;
+use truepose::effects::{Kind, Selector};
 use truepose::{Parameter, Pose};
 
 use super::arm::ArmModel;
@@ -46,6 +47,29 @@ pub enum Unknown {
     EarlyReading,
 }
 
+/// An effect as it stands in reports, joints counted from 1: `joint 2 gear-eccentricity
+/// order 1`, `base time-drift yaw`.
+pub fn effect_name(kind: &str, selector: &Selector) -> String {
+    let mut name = match selector.joint {
+        Some(j) => format!("joint {} {kind}", j + 1),
+        None if Kind::of(kind).is_some_and(|k| k.base) => format!("base {kind}"),
+        None => kind.to_owned(),
+    };
+    let component = selector.component.map(usize::from);
+    if let (Some(c), Some(kind)) = (component, Kind::of(kind))
+        && let Some(component) = kind.components.get(c)
+    {
+        name = format!("{name} {component}");
+    }
+    if let Some(order) = selector.order {
+        name = format!("{name} order {order}");
+    }
+    if let Some(from) = selector.from {
+        name = format!("{name} from {}", from + 1);
+    }
+    name
+}
+
 const AXES: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
 
 impl Unknown {
@@ -64,14 +88,11 @@ impl Unknown {
                 Some(effect) => {
                     let model = effect.model();
                     let name = model.parameters().get(value).map_or("", |p| p.0);
-                    match model.joint() {
-                        Some(j) => format!("joint {} {} {name}", j + 1, model.kind()),
-                        None => format!("base {} {name}", model.kind()),
-                    }
+                    format!("{} {name}", effect_name(model.kind(), &model.selector()))
                 }
                 None => String::new(),
             },
-            Self::EarlyReading => "early reading".to_owned(),
+            Self::EarlyReading => "early-reading lack".to_owned(),
         }
     }
 

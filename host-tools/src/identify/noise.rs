@@ -1,0 +1,170 @@
+//! How large the residual is, by kind of measurement, and whether it looks like noise.
+
+use super::Calibration;
+use super::arm::ArmModel;
+use super::linearize::{linearize, residuals};
+use super::observation::{Observation, Sigmas};
+use super::problem::Problem;
+use super::solve::{BLOCK, Solved};
+
+/// Residual of one kind of measurement.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Component {
+    /// Sum of squares over sigma squared.
+    pub sum: f64,
+    /// Equations less what the fit has used up of them.
+    pub freedom: f64,
+    /// Equations.
+    pub equations: usize,
+}
+
+impl Component {
+    /// Size of the residual over the declared noise; `None` where nothing was measured or
+    /// nothing is left over.
+    pub fn ratio(&self) -> Option<f64> {
+        (self.freedom >= 1.0).then(|| (self.sum / self.freedom).sqrt())
+    }
+
+    fn add(&mut self, residuals: &[f64], leverages: &[f64]) {
+        self.sum += residuals.iter().map(|r| r * r).sum::<f64>();
+        self.freedom += residuals.len() as f64 - leverages.iter().sum::<f64>();
+        self.equations += residuals.len();
+    }
+}
+
+/// Residuals of all kinds, whitened by the noise that the fit was weighted with.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Components {
+    /// Positions of the tool point and further targets.
+    pub position: Component,
+    /// Orientations.
+    pub orientation: Component,
+    /// Lengths.
+    pub length: Component,
+}
+
+impl Components {
+    fn add(&mut self, o: &Observation, residuals: &[f64], leverages: &[f64]) {
+        let mut from = 0;
+        let mut next = |component: &mut Component, count: usize| {
+            let to = from + count;
+            if let (Some(r), Some(h)) = (residuals.get(from..to), leverages.get(from..to)) {
+                component.add(r, h);
+            }
+            from = to;
+        };
+        next(&mut self.position, 3 * usize::from(o.position.is_some()));
+        next(&mut self.orientation, 3 * usize::from(o.rotation.is_some()));
+        next(&mut self.position, 3 * o.targets.iter().flatten().count());
+        next(&mut self.length, usize::from(o.length.is_some()));
+    }
+}
+
+/// Rows of the fit that were not left out as gross.
+pub fn fitted<'p>(problem: &'p Problem, calibration: &Calibration) -> Vec<&'p Observation> {
+    let kept = |o: &&Observation| !calibration.rejected.contains(&o.row);
+    problem.identify.iter().filter(kept).collect()
+}
+
+/// Variance components of fitted rows: sums of squares over sums of one less leverage.
+pub fn of_fitted(
+    arm: &ArmModel,
+    fit: &Solved,
+    observations: &[&Observation],
+    sigmas: Sigmas,
+) -> Components {
+    let mut components = Components::default();
+    let ones = vec![1.0; fit.unknowns.len()];
+    // covariance = F Fᵀ; the leverage of an equation is |row of J F|²
+    let symmetric = fit.covariance.clone().symmetric_eigen();
+    let mut factor = symmetric.eigenvectors;
+    for (mut column, value) in factor.column_iter_mut().zip(symmetric.eigenvalues.iter()) {
+        column *= value.max(0.0).sqrt();
+    }
+    for block in observations.chunks(BLOCK) {
+        let linear = linearize(arm, &fit.unknowns, &ones, block, sigmas);
+        let spread = linear.jacobian * &factor;
+        let leverages: Vec<f64> = spread.row_iter().map(|row| row.norm_squared()).collect();
+        let mut start = 0;
+        for o in block {
+            let end = start + o.equations();
+            if let Some(leverages) = leverages.get(start..end) {
+                components.add(o, &linear.residual.as_slice()[start..end], leverages);
+            }
+            start = end;
+        }
+    }
+    components
+}
+
+/// The same of rows that no fit has seen.
+pub fn of_unseen(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> Components {
+    let all = residuals(arm, observations, sigmas);
+    let mut components = Components::default();
+    let mut start = 0;
+    for o in observations {
+        let end = start + o.equations();
+        let none = vec![0.0; end - start];
+        components.add(o, &all.as_slice()[start..end], &none);
+        start = end;
+    }
+    components
+}
+
+/// Rows that a look for structure compares with all others, at most.
+const COMPARED: usize = 1000;
+
+/// Whether neighbouring poses have like residuals, as standard deviations from what
+/// independent noise would show; needs no declared noise.
+///
+/// Each row is paired with its nearest neighbour in joint space, joints weighted by how far
+/// they move the tool. Under independent noise the sign of each pair's product is a coin's.
+pub fn neighbour_likeness(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> f64 {
+    let all = residuals(arm, observations, sigmas);
+    let mut starts = Vec::with_capacity(observations.len());
+    let mut start = 0;
+    for o in observations {
+        starts.push(start);
+        start += o.equations();
+    }
+    let levers = super::gross::levers(arm, observations, sigmas);
+    let step = observations.len().div_ceil(COMPARED).max(1);
+    let mut pairs: Vec<(usize, usize)> = (0..observations.len())
+        .step_by(step)
+        .filter_map(|i| nearest(i, observations, &levers).map(|k| (i.min(k), i.max(k))))
+        .collect();
+    pairs.sort_unstable();
+    pairs.dedup();
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for (i, k) in pairs {
+        let of = |i: usize| {
+            let (o, start): (&&Observation, usize) = (&observations[i], starts[i]);
+            &all.as_slice()[start..start + o.equations()]
+        };
+        let product: f64 = of(i).iter().zip(of(k)).map(|(a, b)| a * b).sum();
+        sum += product;
+        squares += product * product;
+    }
+    if squares > 0.0 {
+        sum / squares.sqrt()
+    } else {
+        0.0
+    }
+}
+
+/// Nearest row that measured the same things.
+fn nearest(i: usize, observations: &[&Observation], levers: &[f64]) -> Option<usize> {
+    let here = observations.get(i)?;
+    let mut best: Option<(f64, usize)> = None;
+    for (k, o) in observations.iter().enumerate() {
+        if k == i || o.equations() != here.equations() {
+            continue;
+        }
+        let each = here.q.iter().zip(&o.q).zip(levers);
+        let distance: f64 = each.map(|((a, b), l)| ((a - b) * l).powi(2)).sum();
+        if best.is_none_or(|(d, _)| distance < d) {
+            best = Some((distance, k));
+        }
+    }
+    best.map(|(_, k)| k)
+}

@@ -1,0 +1,385 @@
+//! From an identification to its report.
+
+use std::collections::BTreeMap;
+
+use truepose::JointKind;
+use truepose::effects::Kind;
+
+use super::verdict::judge;
+use super::{Distances, Report, Row, schema};
+use crate::identify::assess::{Errors, Statistics, errors};
+use crate::identify::noise::{Component, fitted, of_fitted};
+use crate::identify::observation::Observation;
+use crate::identify::problem::{ASSUMED, Joints};
+use crate::identify::readings::Identified;
+use crate::identify::uncertainty::chi_square_tail;
+use crate::identify::unknown::Unknown;
+use crate::identify::{Calibration, Failure, Status};
+use crate::measurement::{Dataset, Measured};
+
+const MM: f64 = 1e3;
+
+impl Report {
+    /// Of an identification. `robot`: its name.
+    pub fn new(robot: &str, data: &Dataset, identified: &Identified) -> Result<Self, Failure> {
+        let Identified {
+            problem,
+            calibration,
+            ..
+        } = identified;
+        let verify: Vec<&Observation> = problem.verify.iter().collect();
+        let by = |arm| errors(arm, &verify);
+        let [nominal, geometric, complete] = [
+            by(&calibration.nominal.arm),
+            by(&calibration.geometric.arm),
+            by(&calibration.complete.arm),
+        ];
+        let of = |pick: fn(&Errors) -> &Vec<f64>, factor| {
+            let each = [&nominal, &geometric, &complete].map(|e| Statistics::of(pick(e)));
+            three(each, factor)
+        };
+        let error_mm = of(|e| &e.distances, MM).ok_or(Failure::NothingToVerify)?;
+        let error_deg = of(|e| &e.angles, 1.0_f64.to_degrees());
+        let judgement = judge(problem, calibration, data);
+        let mut report = Self {
+            summary: schema::Summary {
+                robot: robot.to_owned(),
+                measured: measured(data, error_deg.is_some()),
+                rows: schema::Rows {
+                    identify: problem.identify.len() - calibration.rejected.len(),
+                    verify: problem.verify.len(),
+                    rejected: calibration.rejected.clone(),
+                },
+                error_mm,
+                error_deg,
+                error_mm_blocks: None,
+                noise_mm: schema::Noise {
+                    declared: None,
+                    estimated: 0.0,
+                },
+                noise_deg: None,
+                verdict: judgement.verdict,
+                effects: effects(calibration, &error_mm),
+                parameters: parameters(calibration),
+                joints: joints_used(identified),
+                notes: Vec::new(),
+            },
+            distances_mm: Distances {
+                nominal: scaled(&nominal.distances, MM),
+                geometric: scaled(&geometric.distances, MM),
+                complete: scaled(&complete.distances, MM),
+            },
+            rows: rows(calibration, &verify),
+            joint_units: calibration
+                .complete
+                .arm
+                .joints
+                .iter()
+                .map(|joint| joint_unit(joint.kind).0)
+                .collect(),
+            reasons: judgement.reasons,
+            assumed: Vec::new(),
+            held_back: Vec::new(),
+            noticed: judgement.noticed,
+        };
+        report.estimate_noise(data, identified);
+        report.say(data, identified);
+        Ok(report)
+    }
+
+    fn estimate_noise(&mut self, data: &Dataset, identified: &Identified) {
+        let (problem, calibration) = (&identified.problem, &identified.calibration);
+        let stage = &calibration.complete;
+        let kept = fitted(problem, calibration);
+        let found = of_fitted(&stage.arm, &stage.fit, &kept, problem.sigmas);
+        let noise =
+            |declared: Option<f64>, weight: f64, of: &Component, factor: f64| schema::Noise {
+                declared: declared.map(|s| s * factor),
+                estimated: of.ratio().unwrap_or(0.0) * weight * factor,
+            };
+        let (s, by) = (problem.sigmas, data.noise);
+        self.summary.noise_mm = match self.summary.measured {
+            schema::Measured::Length => noise(by.length, s.length, &found.length, MM),
+            _ => noise(by.position, s.position, &found.position, MM),
+        };
+        self.summary.noise_deg = (self.summary.measured == schema::Measured::Pose).then(|| {
+            let factor = 1.0_f64.to_degrees();
+            noise(by.orientation, s.orientation, &found.orientation, factor)
+        });
+    }
+
+    /// Assumptions and omissions in sentences.
+    fn say(&mut self, data: &Dataset, identified: &Identified) {
+        let calibration = &identified.calibration;
+        let noise = &data.noise;
+        let assumed = &mut self.assumed;
+        let length = data.measured == Measured::Length;
+        if !length && noise.position.is_none() {
+            assumed.push(format!(
+                "the instrument's noise is not declared: positions weighted as by {:.3} mm an \
+                 axis; position_sigma_mm in the sidecar says better",
+                ASSUMED.position * MM
+            ));
+        }
+        if data.measured == Measured::Pose && noise.orientation.is_none() {
+            assumed.push(format!(
+                "orientations weighted as by {:.3} deg an axis; orientation_sigma_deg says \
+                 better",
+                ASSUMED.orientation.to_degrees()
+            ));
+        }
+        if length && noise.length.is_none() {
+            assumed.push(format!(
+                "the instrument's noise is not declared: lengths weighted as by {:.3} mm; \
+                 length_sigma_mm in the sidecar says better",
+                ASSUMED.length * MM
+            ));
+        }
+        let placements = identified.problem.sessions.len();
+        assumed.push(match placements {
+            0 | 1 => {
+                "the instrument stood still: one placement, found from the measurements".to_owned()
+            }
+            n => format!("{n} placements of the instrument, each found from its own rows"),
+        });
+        for pair in &calibration.structure.parallel {
+            self.noticed.push(format!(
+                "axes {} and {} are {:.3} deg from parallel: beta in place of d of joint {} \
+                 (Hayati)",
+                pair.first + 1,
+                pair.first + 2,
+                pair.angle.to_degrees(),
+                pair.joint + 1
+            ));
+        }
+        if let Some(c) = &identified.comparison {
+            let (used, other) = match identified.joints {
+                Joints::Readings => ("readings", "commands"),
+                Joints::Commands => ("commands", "readings"),
+            };
+            let mut units = String::new();
+            for (difference, joint) in c.difference.iter().zip(&calibration.complete.arm.joints) {
+                let (unit, factor) = joint_unit(joint.kind);
+                let figure = super::figures::significant(difference * factor);
+                units.push_str(&format!(" {figure} {unit}"));
+            }
+            self.noticed.push(format!(
+                "the file has readings and commands: the {used} fit better than the {other} \
+                 (identify rows, geometry: {} mm with readings, {} mm with commands) and are \
+                 used; they differ by (rms, joint by joint){units}",
+                super::figures::significant(c.rms_readings * MM),
+                super::figures::significant(c.rms_commands * MM),
+            ));
+            if c.without_command > 0 {
+                self.noticed.push(format!(
+                    "{} rows have no command; their readings stand for it",
+                    c.without_command
+                ));
+            }
+        }
+        let rows = &self.summary.rows;
+        self.held_back.push(if data.held_back.is_empty() {
+            format!(
+                "{} verify rows, as the file says; no fit has seen them",
+                rows.verify
+            )
+        } else {
+            format!(
+                "{} verify rows, {} of them chosen by the program; no fit has seen them",
+                rows.verify,
+                data.held_back.len()
+            )
+        });
+        if !data.left_out.is_empty() {
+            self.held_back.push(format!(
+                "{} without joints or without any measured value",
+                super::figures::row_list(&data.left_out)
+            ));
+        }
+        if !rows.rejected.is_empty() {
+            self.held_back.push(format!(
+                "{} as gross errors: they stand apart from the fit and from their neighbours",
+                super::figures::row_list(&rows.rejected)
+            ));
+        }
+        self.summary.notes = [&self.reasons, &self.assumed, &self.held_back, &self.noticed]
+            .into_iter()
+            .flatten()
+            .cloned()
+            .collect();
+    }
+}
+
+fn measured(data: &Dataset, turned: bool) -> schema::Measured {
+    match data.measured {
+        Measured::Length => schema::Measured::Length,
+        Measured::Pose if turned => schema::Measured::Pose,
+        _ => schema::Measured::Position,
+    }
+}
+
+fn spread(s: &Statistics, factor: f64) -> schema::Spread {
+    schema::Spread {
+        rms: s.rms * factor,
+        mean: s.mean * factor,
+        max: s.max * factor,
+    }
+}
+
+fn three(each: [Option<Statistics>; 3], factor: f64) -> Option<schema::Errors> {
+    let [nominal, geometric, complete] = each;
+    let complete = complete?;
+    Some(schema::Errors {
+        nominal: spread(&nominal?, factor),
+        geometric: spread(&geometric?, factor),
+        complete: schema::Bounded {
+            spread: spread(&complete, factor),
+            rms_interval95: complete.rms_interval95.map(|x| x * factor),
+        },
+    })
+}
+
+fn scaled(values: &[f64], factor: f64) -> Vec<f64> {
+    values.iter().map(|x| x * factor).collect()
+}
+
+fn joint_unit(kind: JointKind) -> (&'static str, f64) {
+    match kind {
+        JointKind::Revolute => ("deg", 1.0_f64.to_degrees()),
+        JointKind::Prismatic => ("mm", MM),
+    }
+}
+
+fn parameters(calibration: &Calibration) -> Vec<schema::Parameter> {
+    let complete = &calibration.complete;
+    calibration
+        .statuses
+        .iter()
+        .map(|(unknown, status)| {
+            let (status, note) = match status {
+                Status::Identified => (schema::Status::Identified, None),
+                Status::Fixed(why) => (schema::Status::Fixed, Some(why.clone())),
+                Status::Merged(why) => (schema::Status::Merged, Some(why.clone())),
+            };
+            schema::Parameter {
+                name: unknown.name(&complete.arm),
+                unit: unknown.unit(&complete.arm).to_owned(),
+                nominal: unknown.value(&calibration.nominal.arm),
+                value: unknown.value(&complete.arm),
+                sigma: complete.sigma(*unknown),
+                status,
+                note,
+            }
+        })
+        .collect()
+}
+
+/// Effects of which anything was identified. All were entered together, so each stands with
+/// the error before and after all of them.
+fn effects(calibration: &Calibration, error_mm: &schema::Errors) -> Vec<schema::Effect> {
+    let stage = &calibration.complete;
+    let mut found = Vec::new();
+    for (index, effect) in stage.arm.effects.iter().enumerate() {
+        let Some(p_value) = stage.p_value(index) else {
+            continue;
+        };
+        let model = effect.model();
+        let selector = model.selector();
+        let (mut parameters, mut sigma) = (BTreeMap::new(), BTreeMap::new());
+        for (value, ((name, _), x)) in model.parameters().iter().zip(model.values()).enumerate() {
+            parameters.insert((*name).to_owned(), *x);
+            let unknown = Unknown::Effect {
+                effect: index,
+                value,
+            };
+            if let Some(s) = stage.sigma(unknown) {
+                sigma.insert((*name).to_owned(), s);
+            }
+        }
+        found.push(schema::Effect {
+            kind: model.kind().to_owned(),
+            joint: selector.joint.map(|j| j + 1),
+            order: selector.order,
+            from: selector.from.map(|j| j + 1),
+            component: selector.component.and_then(|component| {
+                let all = Kind::of(model.kind())?.components;
+                all.get(usize::from(component)).map(|c| (*c).to_owned())
+            }),
+            parameters,
+            sigma,
+            p_value,
+            rms_before_mm: error_mm.geometric.rms,
+            rms_after_mm: error_mm.complete.spread.rms,
+            alternatives: Vec::new(),
+        });
+    }
+    let early = Unknown::EarlyReading;
+    if let (Some(sigma), value) = (stage.sigma(early), stage.arm.early_reading) {
+        found.push(schema::Effect {
+            kind: "early-reading".to_owned(),
+            joint: None,
+            order: None,
+            from: None,
+            component: None,
+            parameters: BTreeMap::from([("lack".to_owned(), value)]),
+            sigma: BTreeMap::from([("lack".to_owned(), sigma)]),
+            p_value: chi_square_tail((value / sigma).powi(2), 1),
+            rms_before_mm: error_mm.geometric.rms,
+            rms_after_mm: error_mm.complete.spread.rms,
+            alternatives: Vec::new(),
+        });
+    }
+    found
+}
+
+fn joints_used(identified: &Identified) -> Option<schema::JointsUsed> {
+    let c = identified.comparison.as_ref()?;
+    Some(schema::JointsUsed {
+        used: match identified.joints {
+            Joints::Readings => "readings",
+            Joints::Commands => "commands",
+        }
+        .to_owned(),
+        rms_readings_mm: c.rms_readings * MM,
+        rms_commands_mm: c.rms_commands * MM,
+        difference: c.difference.clone(),
+    })
+}
+
+fn rows(calibration: &Calibration, verify: &[&Observation]) -> Vec<Row> {
+    let arm = &calibration.complete.arm;
+    let sigmas = crate::identify::observation::Sigmas {
+        position: 1.0,
+        orientation: 1.0,
+        length: 1.0,
+    };
+    let mut evaluator = crate::identify::linearize::Evaluator::new(arm, sigmas);
+    verify
+        .iter()
+        .filter_map(|o| {
+            let pose = evaluator.observe(o);
+            let first = o.targets.iter().zip(&arm.targets);
+            let measured = o.position.map(|p| p - pose.translation).or_else(|| {
+                first
+                    .filter_map(|(p, offset)| Some((*p)? - pose.point(offset)))
+                    .next()
+            });
+            let residual = match (measured, o.length) {
+                (Some(v), _) => {
+                    let base = arm.bases.get(o.session).or(arm.bases.first())?;
+                    scaled((base.rotation.transpose() * v).as_slice(), MM)
+                }
+                (None, Some(length)) => {
+                    vec![(length - (pose.translation - arm.anchor).norm()) * MM]
+                }
+                (None, None) => return None,
+            };
+            let q = o.q.iter().zip(&arm.joints);
+            Some(Row {
+                number: o.row,
+                q: q.map(|(q, j)| q * joint_unit(j.kind).1).collect(),
+                residual_mm: residual,
+            })
+        })
+        .collect()
+}

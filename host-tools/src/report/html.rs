@@ -1,0 +1,272 @@
+//! The report as one page that needs nothing else.
+
+use std::fmt::Write;
+
+use plotters::style::RGBColor;
+
+use super::Report;
+use super::figures::{drawn, shown, signed, significant};
+use super::schema::{Errors, Measured, Parameter, Status, Verdict};
+use super::svg;
+use super::text::{grouped, probability};
+
+const STYLE: &str = "
+body{font:15px/1.45 system-ui,sans-serif;color:#222;max-width:940px;margin:2em auto;padding:0 1em}
+h1{font-size:1.5em;margin-bottom:.2em}h2{font-size:1.1em;margin:1.8em 0 .4em}
+.verdict{padding:.6em .9em;border-left:5px solid;background:#f6f6f4;margin:1em 0}
+.good{border-color:#2e8b57}.open{border-color:#c47a1c}
+table{border-collapse:collapse}td,th{padding:.18em .7em;text-align:right;border-bottom:1px solid #e4e4e0}
+td:first-child,th:first-child{text-align:left}th{font-weight:600}
+.not td{color:#777}td.why{text-align:left;font-size:.9em}
+.plots{display:flex;flex-wrap:wrap;gap:.4em}.key span{margin-right:1.2em}
+.key i{display:inline-block;width:.8em;height:.8em;margin-right:.35em}
+svg{max-width:100%;height:auto}small{color:#666}li{margin:.15em 0}
+";
+
+/// The page.
+pub fn html(report: &Report) -> Result<String, Box<dyn std::error::Error>> {
+    let s = &report.summary;
+    let mut out = String::new();
+    let title = escaped(&s.robot);
+    write!(
+        out,
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
+         <title>{title}: calibration</title><style>{STYLE}</style></head><body>\n\
+         <h1>{title}</h1>\n"
+    )?;
+    let what = match s.measured {
+        Measured::Position => "positions",
+        Measured::Pose => "full poses",
+        Measured::Length => "lengths",
+    };
+    writeln!(
+        out,
+        "<p>Identified from {} rows of {what}, checked on {} that no fit has seen.</p>",
+        s.rows.identify, s.rows.verify
+    )?;
+    let class = match s.verdict {
+        Verdict::Explained | Verdict::NothingMissing => "good",
+        Verdict::StructureRemains | Verdict::Ambiguous => "open",
+    };
+    let reasons: Vec<String> = report.reasons.iter().map(|r| escaped(r)).collect();
+    writeln!(
+        out,
+        "<div class=\"verdict {class}\"><b>{}</b><br><small>{}</small></div>",
+        capital(s.verdict.words()),
+        reasons.join("<br>")
+    )?;
+
+    writeln!(out, "<h2>Error of the held-back rows</h2>")?;
+    let effects = !s.effects.is_empty();
+    errors(&mut out, &s.error_mm, "mm", effects)?;
+    if let Some(e) = &s.error_deg {
+        errors(&mut out, e, "deg", effects)?;
+    }
+    noise(&mut out, report)?;
+    key(&mut out, &svg::models(effects))?;
+    writeln!(
+        out,
+        "<div class=\"plots\">{}{}</div>",
+        svg::bars(report)?,
+        svg::histogram(report)?
+    )?;
+
+    if effects {
+        writeln!(out, "<h2>Effects</h2>")?;
+        effect_table(&mut out, report)?;
+    }
+    residual(&mut out, report)?;
+    writeln!(out, "<h2>Parameters</h2>")?;
+    parameters(&mut out, &s.parameters)?;
+    for (title, sentences) in [
+        ("Assumed", &report.assumed),
+        ("Held back", &report.held_back),
+        ("Noticed", &report.noticed),
+    ] {
+        if !sentences.is_empty() {
+            writeln!(out, "<h2>{title}</h2><ul>")?;
+            for sentence in sentences {
+                writeln!(out, "<li>{}</li>", escaped(sentence))?;
+            }
+            writeln!(out, "</ul>")?;
+        }
+    }
+    writeln!(out, "</body></html>")?;
+    Ok(out)
+}
+
+fn errors(out: &mut String, e: &Errors, unit: &str, effects: bool) -> std::fmt::Result {
+    let [low, high] = e.complete.rms_interval95;
+    let interval = format!("{} to {}", significant(low), significant(high));
+    let mut rows = vec![("as drawn, base and tool aligned", e.nominal, String::new())];
+    if effects {
+        rows.push(("geometry identified", e.geometric, String::new()));
+        rows.push(("geometry and effects", e.complete.spread, interval));
+    } else {
+        rows.push(("geometry identified", e.geometric, interval));
+    }
+    writeln!(
+        out,
+        "<table><tr><th>{unit}</th><th>rms</th><th>95 % interval</th><th>mean</th>\
+         <th>largest</th></tr>"
+    )?;
+    for (name, spread, interval) in rows {
+        writeln!(
+            out,
+            "<tr><td>{name}</td><td>{}</td><td>{interval}</td><td>{}</td><td>{}</td></tr>",
+            significant(spread.rms),
+            significant(spread.mean),
+            significant(spread.max)
+        )?;
+    }
+    writeln!(out, "</table><br>")
+}
+
+fn noise(out: &mut String, report: &Report) -> std::fmt::Result {
+    let s = &report.summary;
+    let mut each = vec![(s.noise_mm, "mm")];
+    each.extend(s.noise_deg.map(|n| (n, "deg")));
+    for (noise, unit) in each {
+        let declared = match noise.declared {
+            Some(x) => format!("{} {unit} declared", significant(x)),
+            None => "not declared".to_owned(),
+        };
+        writeln!(
+            out,
+            "<p>Noise an axis: {declared}, {} {unit} left by the fit.</p>",
+            significant(noise.estimated)
+        )?;
+    }
+    Ok(())
+}
+
+fn key(out: &mut String, entries: &[(&str, RGBColor)]) -> std::fmt::Result {
+    write!(out, "<p class=\"key\">")?;
+    for (name, RGBColor(r, g, b)) in entries {
+        write!(
+            out,
+            "<span><i style=\"background:rgb({r},{g},{b})\"></i>{name}</span>"
+        )?;
+    }
+    writeln!(out, "</p>")
+}
+
+fn effect_table(out: &mut String, report: &Report) -> std::fmt::Result {
+    let s = &report.summary;
+    writeln!(
+        out,
+        "<table><tr><th>effect</th><th>parameter</th><th>value</th><th>&plusmn;</th>\
+         <th>unit</th><th>p</th></tr>"
+    )?;
+    for e in &s.effects {
+        let name = e.name();
+        for (parameter, value) in &e.parameters {
+            let of = s
+                .parameters
+                .iter()
+                .find(|p| p.name == format!("{name} {parameter}"));
+            let (unit, factor) = shown(of.map_or("", |p| p.unit.as_str()));
+            let sigma = e.sigma.get(parameter);
+            writeln!(
+                out,
+                "<tr><td>{}</td><td>{parameter}</td><td>{}</td><td>{}</td><td>{unit}</td>\
+                 <td>{}</td></tr>",
+                escaped(&name),
+                significant(value * factor),
+                sigma.map_or_else(|| "-".to_owned(), |s| significant(s * factor)),
+                probability(e.p_value)
+            )?;
+        }
+        for a in &e.alternatives {
+            writeln!(
+                out,
+                "<tr class=\"not\"><td>or {}</td><td colspan=\"5\" class=\"why\">similarity {}, \
+                 BIC worse by {}</td></tr>",
+                escaped(&a.name()),
+                significant(a.similarity),
+                significant(a.delta_bic)
+            )?;
+        }
+    }
+    writeln!(out, "</table>")
+}
+
+fn residual(out: &mut String, report: &Report) -> Result<(), Box<dyn std::error::Error>> {
+    writeln!(out, "<h2>What is left, against the joints</h2>")?;
+    if report.summary.measured == Measured::Length {
+        writeln!(out, "<p>Measured minus predicted length.</p>")?;
+    } else {
+        writeln!(
+            out,
+            "<p>Measured minus predicted position of the held-back rows, axes of the robot \
+             base. A band that waves or leans is what the model lacks.</p>"
+        )?;
+        let [x, y, z] = svg::AXES;
+        key(out, &[("x", x), ("y", y), ("z", z)])?;
+    }
+    writeln!(out, "<div class=\"plots\">")?;
+    for joint in 0..report.joint_units.len() {
+        writeln!(out, "{}", svg::against_joint(report, joint)?)?;
+    }
+    writeln!(out, "</div>")?;
+    Ok(())
+}
+
+fn parameters(out: &mut String, parameters: &[Parameter]) -> std::fmt::Result {
+    writeln!(
+        out,
+        "<table><tr><th>parameter</th><th>drawn</th><th>change</th><th>&plusmn;</th>\
+         <th>unit</th></tr>"
+    )?;
+    for p in parameters.iter().filter(|p| p.status == Status::Identified) {
+        let (unit, factor) = shown(&p.unit);
+        let sigma = p
+            .sigma
+            .map_or_else(|| "-".to_owned(), |s| significant(s * factor));
+        writeln!(
+            out,
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{sigma}</td><td>{unit}</td></tr>",
+            escaped(&p.name),
+            drawn(p.nominal * factor),
+            signed((p.value - p.nominal) * factor)
+        )?;
+    }
+    writeln!(
+        out,
+        "</table><p><small>Base and tool: drawn is what aligns the drawn geometry.</small></p>"
+    )?;
+    let groups = grouped(parameters);
+    if groups.is_empty() {
+        return Ok(());
+    }
+    writeln!(
+        out,
+        "<h2>Not identified, kept as drawn, and why</h2><table>"
+    )?;
+    for (names, status, note) in groups {
+        let word = match status {
+            Status::Merged => "merged",
+            _ => "fixed",
+        };
+        writeln!(
+            out,
+            "<tr class=\"not\"><td>{}</td><td>{word}</td><td class=\"why\">{}</td></tr>",
+            escaped(&names.join(", ")),
+            escaped(note)
+        )?;
+    }
+    writeln!(out, "</table>")
+}
+
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| {
+        first.to_uppercase().chain(letters).collect()
+    })
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+}

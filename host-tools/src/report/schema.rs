@@ -1,0 +1,275 @@
+//! The report as `--json` writes it.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use truepose::effects::{Kind, Selector};
+
+use crate::identify::unknown::effect_name;
+
+/// What was measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Measured {
+    /// Positions of one or more targets.
+    Position,
+    /// Position and orientation.
+    Pose,
+    /// Distance to an unknown fixed point.
+    Length,
+}
+
+/// The answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// With the effects named, what is left is noise.
+    Explained,
+    /// Geometry alone leaves nothing but noise.
+    NothingMissing,
+    /// More is there than the model says.
+    StructureRemains,
+    /// Effects were found that these poses cannot tell apart.
+    Ambiguous,
+}
+
+/// What became of a parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// Fitted.
+    Identified,
+    /// Not observable here.
+    Fixed,
+    /// Only a combination is observable.
+    Merged,
+}
+
+/// Rows of the measurements.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Rows {
+    /// Number that the fit used.
+    pub identify: usize,
+    /// Number that no fit has seen.
+    pub verify: usize,
+    /// Rows left out as gross errors, by their number in the file, from 1.
+    pub rejected: Vec<usize>,
+}
+
+/// Errors of a set of rows, mm or deg.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// Root mean square.
+    pub rms: f64,
+    /// Mean.
+    pub mean: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+/// The same with the interval that the rms lies in.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Bounded {
+    /// As above.
+    #[serde(flatten)]
+    pub spread: Spread,
+    /// 95 % interval of the rms.
+    pub rms_interval95: [f64; 2],
+}
+
+/// Errors of the verify rows, mm or deg.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Errors {
+    /// Geometry as drawn, base and tool aligned.
+    pub nominal: Spread,
+    /// Geometry identified.
+    pub geometric: Spread,
+    /// Geometry and effects.
+    #[serde(rename = "final")]
+    pub complete: Bounded,
+}
+
+/// Errors cross-validated on blocks contiguous in joint space and in time, mm.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct BlockErrors {
+    /// Geometry identified.
+    pub geometric: Spread,
+    /// Geometry and effects.
+    #[serde(rename = "final")]
+    pub complete: Spread,
+}
+
+/// Noise of the instrument, one standard deviation per axis, mm or deg.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Noise {
+    /// By the sidecar; `None` where it says nothing.
+    pub declared: Option<f64>,
+    /// By what the fit leaves.
+    pub estimated: f64,
+}
+
+/// What else an effect could have been.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Alternative {
+    /// Kind.
+    pub kind: String,
+    /// Joint, from 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint: Option<usize>,
+    /// Periods per joint turn.
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "whole")]
+    pub order: Option<f64>,
+    /// The other joint, from 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub from: Option<usize>,
+    /// Cosine between what the two do to the measurements.
+    pub similarity: f64,
+    /// How much worse it explains them.
+    pub delta_bic: f64,
+}
+
+impl Effect {
+    /// As it stands in the names of its parameters.
+    pub fn name(&self) -> String {
+        let selector = selector(self.joint, self.order, self.from);
+        let component = self.component.as_deref().and_then(|component| {
+            let all = Kind::of(&self.kind)?.components;
+            let place = all.iter().position(|&c| c == component)?;
+            u8::try_from(place).ok()
+        });
+        effect_name(
+            &self.kind,
+            &Selector {
+                component,
+                ..selector
+            },
+        )
+    }
+}
+
+impl Alternative {
+    /// As it stands in reports.
+    pub fn name(&self) -> String {
+        effect_name(&self.kind, &selector(self.joint, self.order, self.from))
+    }
+}
+
+fn selector(joint: Option<usize>, order: Option<f64>, from: Option<usize>) -> Selector {
+    let from_zero = |j: usize| j.saturating_sub(1);
+    Selector {
+        joint: joint.map(from_zero),
+        order,
+        from: from.map(from_zero),
+        ..Selector::default()
+    }
+}
+
+/// An effect in the final model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Effect {
+    /// Kind.
+    pub kind: String,
+    /// Joint, from 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint: Option<usize>,
+    /// Periods per joint turn.
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "whole")]
+    pub order: Option<f64>,
+    /// The other joint, from 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub from: Option<usize>,
+    /// Which of several of its kind, where there are such.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub component: Option<String>,
+    /// Values by name, SI units.
+    pub parameters: BTreeMap<String, f64>,
+    /// Standard errors of the same; nothing stands here for one that was not identified.
+    pub sigma: BTreeMap<String, f64>,
+    /// Probability that noise alone would show as much.
+    pub p_value: f64,
+    /// Rms of the verify rows without it, mm.
+    pub rms_before_mm: f64,
+    /// Rms of the verify rows with it, mm.
+    pub rms_after_mm: f64,
+    /// What it could have been instead.
+    pub alternatives: Vec<Alternative>,
+}
+
+/// A parameter of the geometry or of an effect.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Name, joints counted from 1.
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    /// As drawn; base and tool as aligned to the drawn geometry.
+    pub nominal: f64,
+    /// In the final model.
+    pub value: f64,
+    /// Standard error; `None` where it was not identified.
+    pub sigma: Option<f64>,
+    /// What became of it.
+    pub status: Status,
+    /// Why it was not identified.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
+}
+
+/// Which joint values the fit used, where the file has both.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct JointsUsed {
+    /// `"readings"` or `"commands"`.
+    pub used: String,
+    /// Rms of the identify rows with the readings, geometry identified, mm.
+    pub rms_readings_mm: f64,
+    /// The same with the commands, mm.
+    pub rms_commands_mm: f64,
+    /// Rms difference of the two, one a joint, rad or m.
+    pub difference: Vec<f64>,
+}
+
+/// The whole report. What is beyond FORMATS.md (`noise_deg`, `joints`, `notes`) is left out
+/// where there is nothing to say.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Name of the robot.
+    pub robot: String,
+    /// What was measured.
+    pub measured: Measured,
+    /// How many rows did what.
+    pub rows: Rows,
+    /// Distances between prediction and measurement; of lengths, their differences.
+    pub error_mm: Errors,
+    /// Angles between them, with full poses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error_deg: Option<Errors>,
+    /// `error_mm` once more, cross-validated on blocks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error_mm_blocks: Option<BlockErrors>,
+    /// Noise of positions or lengths.
+    pub noise_mm: Noise,
+    /// Noise of orientations, with full poses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise_deg: Option<Noise>,
+    /// The answer.
+    pub verdict: Verdict,
+    /// Effects in the final model.
+    pub effects: Vec<Effect>,
+    /// Every parameter.
+    pub parameters: Vec<Parameter>,
+    /// Readings or commands.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joints: Option<JointsUsed>,
+    /// What was assumed, held back or noticed, a sentence each.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
+}
+
+/// A whole number without its point, so that order 1 is `1`.
+fn whole<S: serde::Serializer>(order: &Option<f64>, to: S) -> Result<S::Ok, S::Error> {
+    match order {
+        Some(x) if x.fract().abs() < f64::EPSILON && x.abs() < 1e9 => to.serialize_i64(*x as i64),
+        Some(x) => to.serialize_f64(*x),
+        None => to.serialize_none(),
+    }
+}

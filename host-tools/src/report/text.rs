@@ -1,0 +1,235 @@
+//! The report on the terminal.
+
+use std::fmt::Write;
+
+use super::Report;
+use super::figures::{drawn, shown, signed, significant};
+use super::schema::{Effect, Errors, Measured, Noise, Parameter, Status, Verdict};
+
+impl Verdict {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Explained => "explained: with the effects, what is left is noise",
+            Self::NothingMissing => "nothing missing: geometry alone leaves nothing but noise",
+            Self::StructureRemains => "structure remains: more is there than the model says",
+            Self::Ambiguous => "ambiguous: these poses cannot tell the effects found apart",
+        }
+    }
+}
+
+/// The report as text, with its last line break.
+pub fn text(report: &Report) -> String {
+    let mut out = String::new();
+    // Writing to a string cannot fail.
+    let _ = write(report, &mut out);
+    out
+}
+
+fn write(report: &Report, out: &mut String) -> std::fmt::Result {
+    let s = &report.summary;
+    let what = match s.measured {
+        Measured::Position => "positions",
+        Measured::Pose => "full poses",
+        Measured::Length => "lengths",
+    };
+    writeln!(
+        out,
+        "{}: identified from {} rows of {what}, checked on {} that no fit has seen",
+        s.robot, s.rows.identify, s.rows.verify
+    )?;
+    writeln!(out)?;
+    let named = !s.effects.is_empty();
+    errors(out, &s.error_mm, "mm", named)?;
+    if let Some(e) = &s.error_deg {
+        errors(out, e, "deg", named)?;
+    }
+    if let Some(b) = &s.error_mm_blocks {
+        writeln!(
+            out,
+            "on blocks left out in turn, rms: geometry {} mm, final {} mm",
+            significant(b.geometric.rms),
+            significant(b.complete.rms)
+        )?;
+    }
+    noise(out, &s.noise_mm, "mm")?;
+    if let Some(n) = &s.noise_deg {
+        noise(out, n, "deg")?;
+    }
+    writeln!(out)?;
+    writeln!(out, "verdict  {}", s.verdict.words())?;
+    for reason in &report.reasons {
+        writeln!(out, "  {reason}")?;
+    }
+    if named {
+        writeln!(out)?;
+        writeln!(out, "effects")?;
+        for e in &s.effects {
+            effect(out, e, &s.parameters)?;
+        }
+    }
+    parameters(out, &s.parameters)?;
+    omissions(out, &s.parameters)?;
+    for (title, sentences) in [
+        ("assumed", &report.assumed),
+        ("held back", &report.held_back),
+        ("noticed", &report.noticed),
+    ] {
+        if !sentences.is_empty() {
+            writeln!(out)?;
+            writeln!(out, "{title}")?;
+            for sentence in sentences {
+                writeln!(out, "  {sentence}")?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn errors(out: &mut String, e: &Errors, unit: &str, effects: bool) -> std::fmt::Result {
+    writeln!(
+        out,
+        "{:<40}{:>10}{:>10}{:>10}",
+        format!("error of the held-back rows, {unit}"),
+        "rms",
+        "mean",
+        "max"
+    )?;
+    let mut rows = vec![
+        ("as drawn, base and tool aligned", e.nominal),
+        ("geometry identified", e.geometric),
+    ];
+    if effects {
+        rows.push(("geometry and effects", e.complete.spread));
+    }
+    for (name, spread) in rows {
+        writeln!(
+            out,
+            "  {name:<38}{:>10}{:>10}{:>10}",
+            significant(spread.rms),
+            significant(spread.mean),
+            significant(spread.max)
+        )?;
+    }
+    let [low, high] = e.complete.rms_interval95;
+    writeln!(
+        out,
+        "  the last rms lies between {} and {} {unit} (95 %)",
+        significant(low),
+        significant(high)
+    )
+}
+
+fn noise(out: &mut String, noise: &Noise, unit: &str) -> std::fmt::Result {
+    let declared = match noise.declared {
+        Some(x) => format!("{} {unit} declared", significant(x)),
+        None => "not declared".to_owned(),
+    };
+    writeln!(
+        out,
+        "noise an axis: {declared}, {} {unit} left by the fit",
+        significant(noise.estimated)
+    )
+}
+
+fn effect(out: &mut String, e: &Effect, parameters: &[Parameter]) -> std::fmt::Result {
+    let name = e.name();
+    let mut values = Vec::new();
+    for (parameter, value) in &e.parameters {
+        let of = parameters
+            .iter()
+            .find(|p| p.name == format!("{name} {parameter}"));
+        let (unit, factor) = shown(of.map_or("", |p| p.unit.as_str()));
+        values.push(match e.sigma.get(parameter) {
+            Some(sigma) => format!(
+                "{parameter} {} +- {} {unit}",
+                significant(value * factor),
+                significant(sigma * factor)
+            ),
+            None => format!("{parameter} not identified"),
+        });
+    }
+    writeln!(
+        out,
+        "  {name}: {}; p {}",
+        values.join(", "),
+        probability(e.p_value)
+    )?;
+    for a in &e.alternatives {
+        writeln!(
+            out,
+            "    or {}: similarity {}, BIC worse by {}",
+            a.name(),
+            significant(a.similarity),
+            significant(a.delta_bic)
+        )?;
+    }
+    Ok(())
+}
+
+/// Below 1e-16 the tail of a distribution says nothing any more.
+pub(super) fn probability(p: f64) -> String {
+    if p < 1e-16 {
+        "below 1e-16".to_owned()
+    } else {
+        significant(p)
+    }
+}
+
+fn parameters(out: &mut String, parameters: &[Parameter]) -> std::fmt::Result {
+    writeln!(out)?;
+    writeln!(
+        out,
+        "{:<44}{:>12}{:>12}{:>12}",
+        "parameters identified", "drawn", "change", "+-"
+    )?;
+    for p in parameters.iter().filter(|p| p.status == Status::Identified) {
+        let (unit, factor) = shown(&p.unit);
+        let sigma = p
+            .sigma
+            .map_or_else(|| "-".to_owned(), |s| significant(s * factor));
+        writeln!(
+            out,
+            "  {:<42}{:>12}{:>12}{sigma:>12}",
+            format!("{}, {unit}", p.name),
+            drawn(p.nominal * factor),
+            signed((p.value - p.nominal) * factor),
+        )?;
+    }
+    writeln!(
+        out,
+        "  (base and tool: drawn is what aligns the drawn geometry)"
+    )
+}
+
+/// What was not identified, names with the same reason together.
+pub(super) fn grouped(parameters: &[Parameter]) -> Vec<(Vec<&str>, Status, &str)> {
+    let mut groups: Vec<(Vec<&str>, Status, &str)> = Vec::new();
+    for p in parameters {
+        let Some(note) = p.note.as_deref() else {
+            continue;
+        };
+        match groups.iter_mut().find(|g| g.1 == p.status && g.2 == note) {
+            Some(group) => group.0.push(&p.name),
+            None => groups.push((vec![&p.name], p.status, note)),
+        }
+    }
+    groups
+}
+
+fn omissions(out: &mut String, parameters: &[Parameter]) -> std::fmt::Result {
+    let groups = grouped(parameters);
+    if groups.is_empty() {
+        return Ok(());
+    }
+    writeln!(out)?;
+    writeln!(out, "not identified, kept as drawn, and why")?;
+    for (names, status, note) in groups {
+        let word = match status {
+            Status::Merged => "merged",
+            _ => "fixed",
+        };
+        writeln!(out, "  {} ({word}): {note}", names.join(", "))?;
+    }
+    Ok(())
+}
