@@ -97,9 +97,9 @@ fn refused(
 fn damaged_descriptions() {
     let folder = folder("damaged_descriptions");
     let reader = |file: &Path| Robot::read(file).map(drop);
-    let bad = refused(&folder.join("robot.toml"), ROBOT, 2000, reader);
+    let bad = refused(&folder.join("robot.toml"), ROBOT, 600, reader);
     // Damage inside a comment or a number may pass; most does not.
-    assert!((200..2000).contains(&bad), "{bad}");
+    assert!((60..600).contains(&bad), "{bad}");
 }
 
 #[test]
@@ -115,8 +115,8 @@ fn damaged_urdf() {
 </robot>
 "#;
     let reader = |file: &Path| Robot::read(file).map(drop);
-    let bad = refused(&folder.join("robot.urdf"), urdf, 2000, reader);
-    assert!((200..2000).contains(&bad), "{bad}");
+    let bad = refused(&folder.join("robot.urdf"), urdf, 600, reader);
+    assert!((60..600).contains(&bad), "{bad}");
 }
 
 #[test]
@@ -136,12 +136,12 @@ fn damaged_measurements_and_sidecars() {
         Purpose::Targets,
     ] {
         let reader = |file: &Path| read(file, &expected, purpose).map(drop);
-        let bad = refused(&file, &table, 700, reader);
-        assert!((70..700).contains(&bad), "{purpose:?}: {bad}");
+        let bad = refused(&file, &table, 200, reader);
+        assert!((20..200).contains(&bad), "{purpose:?}: {bad}");
     }
     fs::write(&file, &table).unwrap();
     let sidecar = "position_sigma_mm = 0.05\norientation_sigma_deg = 0.02\n# end\n";
     let reader = |_: &Path| read(&file, &expected, Purpose::Fit).map(drop);
-    let bad = refused(&folder.join("D.toml"), sidecar, 700, reader);
-    assert!((70..700).contains(&bad), "{bad}");
+    let bad = refused(&folder.join("D.toml"), sidecar, 200, reader);
+    assert!((20..200).contains(&bad), "{bad}");
 }

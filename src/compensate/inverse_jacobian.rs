@@ -16,7 +16,7 @@
 //! ```
 //! with γ = 0 where the arm is clear of singularities: there it is Newton's method. Nearer
 //! than [`crate::Settings::singular_value`] γ grows smoothly with the nearness
-//! ([`singular_effort`]). Since γ belongs to the problem and not to the step, the answer is
+//! (`singular_effort`). Since γ belongs to the problem and not to the step, the answer is
 //! the minimum, whatever it was found from and in however many iterations; the minimum moves
 //! continuously with the request because the problem is then well conditioned everywhere;
 //! and since the command that came in has the merit `|W e(q_n)|²`, whatever has a smaller

@@ -1,9 +1,9 @@
 //! From measured poses to the arm's real geometry.
 //!
-//! 1. align: where the instrument stands and what the tool is, geometry as drawn ([`align`]);
-//! 2. which parameters make a complete model ([`structure`]), and which of them these poses
+//! 1. align: where the instrument stands and what the tool is, geometry as drawn ([`mod@align`]);
+//! 2. which parameters make a complete model ([`mod@structure`]), and which of them these poses
 //!    can tell apart ([`solve::distinguishable`]);
-//! 3. fit ([`solve`]), leave gross rows out, fit again; with named effects once more.
+//! 3. fit ([`mod@solve`]), leave gross rows out, fit again; with named effects once more.
 
 pub mod align;
 pub mod arm;

@@ -7,7 +7,7 @@ use truepose::{Frame, forward};
 use crate::arm::{self, JOINTS, TRAVEL};
 use crate::draws::Draws;
 
-/// Poses that [`print`] computes.
+/// Poses that [`print()`] computes.
 pub const POSES: usize = 64;
 
 /// Bakes the arm as built, runs through [`POSES`] random poses and writes the bits of each
