@@ -13,6 +13,7 @@ use super::unknown::Unknown;
 enum Path {
     Base { session: usize, unit: Twist<f64> },
     Attached([Option<AttachedTwist<f64>>; 2]),
+    Tool(AttachedTwist<f64>),
     Target { target: usize, unit: Vector3<f64> },
     Anchor { unit: Vector3<f64> },
     Effect { effect: usize, value: usize },
@@ -35,7 +36,7 @@ fn paths(arm: &ArmModel, unknowns: &[Unknown]) -> Vec<Path> {
                 Twist::new(Vector3::zeros(), unit(axis))
             },
         },
-        Unknown::Tool { axis } => Path::Attached([Some(arm.tool_twist(axis)), None]),
+        Unknown::Tool { axis } => Path::Tool(arm.tool_twist(axis)),
         Unknown::Joint(j, parameter) => Path::Attached(arm.joint_twists(j, parameter)),
         Unknown::Target { target, axis } => Path::Target {
             target,
@@ -255,6 +256,14 @@ impl<'a> Evaluator<'a> {
                     sum = sum.plus(&twist.column(base, &self.frames, &p));
                 }
                 self.spread(o, &sum, out);
+            }
+            Path::Tool(twist) => {
+                let base = self.arm.baked_base(o.session);
+                let rigid = twist.column(base, &self.frames, &self.rigid.translation);
+                // Whatever bends, bends before the tool, which turns with it.
+                let bent = self.pose.rotation * self.rigid.rotation.transpose();
+                let twist = Twist::new(bent * rigid.linear, bent * rigid.angular);
+                self.spread(o, &twist, out);
             }
             Path::Target { target, unit } => {
                 out.fill(0.0);
