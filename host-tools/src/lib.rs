@@ -5,6 +5,7 @@ pub mod cell;
 pub mod compensate;
 pub mod deploy;
 pub mod description;
+pub mod diagnose;
 pub mod error;
 pub mod identify;
 pub mod inspect;

@@ -1,0 +1,3 @@
+//! From the residual to what the model lacks: is the input right, is something missing.
+
+pub mod whiteness;
