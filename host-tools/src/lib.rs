@@ -20,4 +20,5 @@ pub mod predict;
 pub mod random;
 pub mod report;
 mod units;
+pub mod verify;
 pub mod warning;

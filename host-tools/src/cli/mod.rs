@@ -11,6 +11,7 @@ mod identify;
 mod inspect;
 mod options;
 mod predict;
+mod verify;
 
 use std::path::{Path, PathBuf};
 
@@ -37,6 +38,7 @@ enum Command {
     Identify(identify::Options),
     Predict(predict::Options),
     Compensate(compensate::Options),
+    Verify(verify::Options),
     Inspect(inspect::Options),
 }
 
@@ -66,6 +68,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
         Command::Identify(options) => identify::files(options),
         Command::Predict(options) => predict::files(options),
         Command::Compensate(options) => compensate::files(options),
+        Command::Verify(options) => verify::files(options),
         Command::Inspect(options) => inspect::files(options),
     };
     files.outputs.extend(arguments.json.as_deref());
@@ -74,6 +77,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
         Command::Identify(options) => identify::run(options),
         Command::Predict(options) => predict::run(options),
         Command::Compensate(options) => compensate::run(options),
+        Command::Verify(options) => verify::run(options),
         Command::Inspect(options) => inspect::run(options),
     }?;
     if let Some(file) = &arguments.json {
