@@ -10,7 +10,9 @@ mod compensate;
 mod identify;
 mod inspect;
 mod options;
+mod plan;
 mod predict;
+mod progress;
 mod verify;
 
 use std::path::{Path, PathBuf};
@@ -39,6 +41,7 @@ enum Command {
     Predict(predict::Options),
     Compensate(compensate::Options),
     Verify(verify::Options),
+    Plan(plan::Options),
     Inspect(inspect::Options),
 }
 
@@ -69,6 +72,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
         Command::Predict(options) => predict::files(options),
         Command::Compensate(options) => compensate::files(options),
         Command::Verify(options) => verify::files(options),
+        Command::Plan(options) => plan::files(options),
         Command::Inspect(options) => inspect::files(options),
     };
     files.outputs.extend(arguments.json.as_deref());
@@ -78,6 +82,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
         Command::Predict(options) => predict::run(options),
         Command::Compensate(options) => compensate::run(options),
         Command::Verify(options) => verify::run(options),
+        Command::Plan(options) => plan::run(options),
         Command::Inspect(options) => inspect::run(options),
     }?;
     if let Some(file) = &arguments.json {
