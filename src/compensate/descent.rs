@@ -4,7 +4,7 @@
 use super::Status;
 use super::error::{PoseError, between};
 use super::inverse_jacobian::singular_effort;
-use super::step::{Columns, clearance, confined, damped_step, within_box};
+use super::step::{Columns, Ready, clearance, confined, damped_step, within_box};
 use crate::budget::{Budget, Clock, Cost};
 use crate::effects::Conditions;
 use crate::jacobian::joint_column;
@@ -63,30 +63,22 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         if self.settings.max_iterations == 0 {
             return Some((initial.error, initial, Status::IterationLimit, 0));
         }
-        let given = self.effort;
+        // From the start's own configuration, wherever the search begins: so that the problem,
+        // and with it the answer, does not depend on what is remembered.
+        let mut ready = self.add_singular_effort(&initial, &room);
         let mut best = initial;
         if remembered.iter().any(|d| !d.is_zero()) {
             let warm = self.evaluate(self.moved(&self.start, remembered, T::one()), &mut room);
-            let better = warm.filter(|warm| {
-                if warm.square < initial.square {
-                    self.set_effort(&given, warm, &initial, &room);
-                    self.merit(warm) < initial.square
-                } else {
-                    false
+            best = match warm.filter(|warm| self.merit(warm) < initial.square) {
+                Some(warm) => {
+                    ready = None;
+                    warm
                 }
-            });
-            match better {
-                Some(warm) => best = warm,
                 // The frames have to be the start's again.
-                None => {
-                    best = self.evaluate(self.start, &mut room)?;
-                    self.set_effort(&given, &best, &initial, &room);
-                }
-            }
-        } else {
-            self.set_effort(&given, &best, &initial, &room);
+                None => self.evaluate(self.start, &mut room)?,
+            };
         }
-        let (found, status, iterations) = self.iterate(best, &mut room, budget, cost);
+        let (found, status, iterations) = self.iterate(best, ready, &mut room, budget, cost);
         // Never worse: the merit only falls, so this guards against rounding alone.
         let found = if found.square <= initial.square {
             found
@@ -99,6 +91,7 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
     fn iterate<C: Clock>(
         &mut self,
         mut best: Point<T, N>,
+        mut ready: Option<Ready<T, N>>,
         room: &mut Room<T, N>,
         budget: &Budget<'_, C>,
         cost: &Cost,
@@ -112,7 +105,7 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
                 return (best, status, iterations);
             }
             let begun = budget.spent();
-            let Some((step, slope)) = self.step(&best, room) else {
+            let Some((step, slope)) = self.step(&best, ready.take(), room) else {
                 return (best, Status::Settled, iterations);
             };
             let mut scale = T::one();
@@ -167,15 +160,26 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
 
     /// The step from `best`, whose frames are in `room`, and twice what the merit falls along
     /// it at first; `None` where there is nothing to gain.
-    fn step(&self, best: &Point<T, N>, room: &mut Room<T, N>) -> Option<([T; N], T)> {
-        let columns = self.columns(best, room);
+    fn step(
+        &self,
+        best: &Point<T, N>,
+        ready: Option<Ready<T, N>>,
+        room: &Room<T, N>,
+    ) -> Option<([T; N], T)> {
+        let columns = match &ready {
+            Some(ready) => ready.columns,
+            None => self.columns(best, room),
+        };
         let error = self.weighted(&best.twist);
         let mut away = [T::zero(); N];
         for ((away, &q), &start) in away.iter_mut().zip(&best.q).zip(&self.start) {
             *away = q - start;
         }
         let damping = self.settings.damping;
-        let mut step = damped_step(&columns, &error, &self.effort, &away, damping);
+        let mut step = match &ready {
+            Some(ready) => ready.step(&error),
+            None => damped_step(&columns, &error, &self.effort, &away, damping),
+        };
         let mut reach = self.room;
         for (reach, &q) in reach.iter_mut().zip(&best.q) {
             *reach = reach.map(|x| x - q);
@@ -268,23 +272,27 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         columns
     }
 
-    /// Effort as `given` plus what the nearness of a singular configuration asks for.
-    fn set_effort(
+    /// Adds to the effort what the nearness of a singular configuration asks for. Returns
+    /// what can be used again where there is no effort at all.
+    fn add_singular_effort(
         &mut self,
-        given: &[T; N],
-        at: &Point<T, N>,
-        initial: &Point<T, N>,
+        start: &Point<T, N>,
         room: &Room<T, N>,
-    ) {
-        let columns = self.columns(at, room);
+    ) -> Option<Ready<T, N>> {
+        let columns = self.columns(start, room);
         let weights = [
             self.settings.position_weight,
             self.settings.orientation_weight,
         ];
-        let clear = clearance(&columns, weights, self.settings.damping);
-        let extra = singular_effort(clear, self.settings.singular_value, initial.square);
-        for (effort, &given) in self.effort.iter_mut().zip(given) {
-            *effort = given + extra;
+        let (clear, factor) = clearance(&columns, weights, self.settings.damping);
+        let extra = singular_effort(clear, self.settings.singular_value, start.square);
+        for effort in &mut self.effort {
+            *effort += extra;
+        }
+        let free = self.effort.iter().all(|g| g.is_zero());
+        match factor {
+            Some(factor) if free => Some(Ready { columns, factor }),
+            _ => None,
         }
     }
 

@@ -1,4 +1,7 @@
 //! Small symmetric positive definite equations.
+//!
+//! Six rows are written out: the compiler does not unroll triangular loops, which doubles
+//! their cost on a Cortex-M4F.
 
 use crate::Scalar;
 
@@ -11,41 +14,85 @@ pub(super) struct Factor<T, const K: usize> {
     inverse_d: [T; K],
 }
 
+impl<T: Scalar> Factor<T, 6> {
+    /// Factor of the matrix with the lower triangle `a`. No pivot is taken below `floor`,
+    /// which is what damping leaves of it without rounding: so there is always a factor.
+    #[inline]
+    pub(super) fn of_six(a: &[[T; 6]; 6], floor: T) -> Self {
+        let mut l = [[T::zero(); 6]; 6];
+        let mut inverse_d = [T::zero(); 6];
+        // Column j of L D, less what the columns before it take away; then of L.
+        let mut c = [[T::zero(); 6]; 6];
+        macro_rules! column {
+            ($j:literal; $($k:literal)*; $($i:literal: $($m:literal)*);*) => {
+                let pivot = a[$j][$j] $(- l[$j][$k] * c[$j][$k])*;
+                inverse_d[$j] = T::one() / if pivot > floor { pivot } else { floor };
+                $(
+                    c[$i][$j] = a[$i][$j] $(- l[$i][$m] * c[$j][$m])*;
+                    l[$i][$j] = c[$i][$j] * inverse_d[$j];
+                )*
+            };
+        }
+        column!(0; ; 1: ; 2: ; 3: ; 4: ; 5:);
+        column!(1; 0; 2: 0; 3: 0; 4: 0; 5: 0);
+        column!(2; 0 1; 3: 0 1; 4: 0 1; 5: 0 1);
+        column!(3; 0 1 2; 4: 0 1 2; 5: 0 1 2);
+        column!(4; 0 1 2 3; 5: 0 1 2 3);
+        column!(5; 0 1 2 3 4;);
+        Self { l, inverse_d }
+    }
+
+    /// Solution of `L D Lᵀ x = b`.
+    #[inline]
+    pub(super) fn solve_six(&self, b: &[T; 6]) -> [T; 6] {
+        let (l, d) = (&self.l, &self.inverse_d);
+        let mut x = *b;
+        macro_rules! forward {
+            ($($i:literal: $($k:literal)*);*) => {
+                $(x[$i] = x[$i] $(- l[$i][$k] * x[$k])*;)*
+            };
+        }
+        macro_rules! backward {
+            ($($i:literal: $($k:literal)*);*) => {
+                $(x[$i] = x[$i] * d[$i] $(- l[$k][$i] * x[$k])*;)*
+            };
+        }
+        forward!(1: 0; 2: 0 1; 3: 0 1 2; 4: 0 1 2 3; 5: 0 1 2 3 4);
+        backward!(5: ; 4: 5; 3: 4 5; 2: 3 4 5; 1: 2 3 4 5; 0: 1 2 3 4 5);
+        x
+    }
+}
+
 #[expect(
     clippy::needless_range_loop,
     reason = "the indices are those of the equations, their bounds constants"
 )]
 impl<T: Scalar, const K: usize> Factor<T, K> {
-    /// Factor of the matrix with the lower triangle `a`. No pivot is taken below `floor`,
-    /// which is what damping leaves of it without rounding: so there is always a factor.
-    #[inline]
+    /// As [`Factor::of_six`], for any number of rows.
     pub(super) fn of(a: &[[T; K]; K], floor: T) -> Self {
         let o = T::zero();
         let mut l = [[o; K]; K];
-        let mut d = [o; K];
+        let mut c = [[o; K]; K];
         let mut inverse_d = [o; K];
         for j in 0..K {
-            let mut scaled = [o; K];
             let mut pivot = a[j][j];
             for k in 0..j {
-                scaled[k] = l[j][k] * d[k];
-                pivot -= l[j][k] * scaled[k];
+                pivot -= l[j][k] * c[j][k];
             }
-            d[j] = if pivot > floor { pivot } else { floor };
-            inverse_d[j] = T::one() / d[j];
+            inverse_d[j] = T::one() / if pivot > floor { pivot } else { floor };
             for i in j + 1..K {
                 let mut sum = a[i][j];
                 for k in 0..j {
-                    sum -= l[i][k] * scaled[k];
+                    sum -= l[i][k] * c[j][k];
                 }
+                c[i][j] = sum;
                 l[i][j] = sum * inverse_d[j];
             }
         }
         Self { l, inverse_d }
     }
 
-    /// Solution of `L D Lᵀ x = b`.
-    #[inline]
+    /// As [`Factor::solve_six`].
     pub(super) fn solve(&self, b: &[T; K]) -> [T; K] {
         let mut x = *b;
         for i in 0..K {
@@ -53,10 +100,8 @@ impl<T: Scalar, const K: usize> Factor<T, K> {
                 x[i] -= self.l[i][k] * x[k];
             }
         }
-        for i in 0..K {
-            x[i] *= self.inverse_d[i];
-        }
         for i in (0..K).rev() {
+            x[i] *= self.inverse_d[i];
             for k in i + 1..K {
                 x[i] -= self.l[k][i] * x[k];
             }
@@ -86,6 +131,16 @@ impl<T: Scalar, const K: usize> Factor<T, K> {
         }
         trace
     }
+}
+
+/// Adds `scale` times the outer product of `c` to the lower triangle of `a`.
+#[inline]
+pub(super) fn accumulate<T: Scalar>(a: &mut [[T; 6]; 6], c: &[T; 6], scale: T) {
+    let s = c.map(|x| x * scale);
+    macro_rules! row {
+        ($($i:literal: $($j:literal)*);*) => { $($(a[$i][$j] += s[$i] * c[$j];)*)* };
+    }
+    row!(0: 0; 1: 0 1; 2: 0 1 2; 3: 0 1 2 3; 4: 0 1 2 3 4; 5: 0 1 2 3 4 5);
 }
 
 /// Six products and their sum.

@@ -14,11 +14,32 @@
 //! `p = S Jᵀ W (W J S Jᵀ W + μ I)⁻¹ W (e + J b) - b` with `M = G + λ² I`, `μ = min M`,
 //! `S = μ M⁻¹`, `b = M⁻¹ G (q - start)`; below, as it stands.
 
-use super::solve::{Factor, dot};
+use super::solve::{Factor, accumulate, dot};
 use crate::Scalar;
 
 /// Weighted joint Jacobian, one column a joint.
 pub(super) type Columns<T, const N: usize> = [[T; 6]; N];
+
+/// What [`clearance`] has already worked out for the first step.
+#[derive(Clone, Copy)]
+pub(super) struct Ready<T, const N: usize> {
+    pub(super) columns: Columns<T, N>,
+    /// Of `W J Jᵀ W + λ² I`.
+    pub(super) factor: Factor<T, 6>,
+}
+
+impl<T: Scalar, const N: usize> Ready<T, N> {
+    /// The damped step without effort.
+    #[inline]
+    pub(super) fn step(&self, error: &[T; 6]) -> [T; N] {
+        let y = self.factor.solve_six(error);
+        let mut step = [T::zero(); N];
+        for (step, column) in step.iter_mut().zip(&self.columns) {
+            *step = dot(column, &y);
+        }
+        step
+    }
+}
 
 /// The damped step `p`. `columns`: `W J`; `error`: `W e`; `effort`: diagonal of G; `away`:
 /// `q - start`; `damping`: `λ²`.
@@ -58,7 +79,7 @@ pub(super) fn damped_step<T: Scalar, const N: usize>(
         accumulate(&mut a, column, ease);
     }
     add_diagonal(&mut a, smallest);
-    let y = Factor::of(&a, smallest).solve(&right);
+    let y = Factor::of_six(&a, smallest).solve_six(&right);
     let mut step = [T::zero(); N];
     for ((step, column), (&ease, &back)) in step.iter_mut().zip(columns).zip(ease.iter().zip(&back))
     {
@@ -100,17 +121,6 @@ fn normal_matrix<T: Scalar, const N: usize>(columns: &Columns<T, N>) -> [[T; N];
     h
 }
 
-/// Adds `scale` times the outer product of `column` to the lower triangle of `a`.
-#[inline]
-fn accumulate<T: Scalar>(a: &mut [[T; 6]; 6], column: &[T; 6], scale: T) {
-    for (i, (row, &left)) in a.iter_mut().zip(column).enumerate() {
-        let left = left * scale;
-        for (entry, &right) in row.iter_mut().zip(column).take(i + 1) {
-            *entry += left * right;
-        }
-    }
-}
-
 #[inline]
 fn add_diagonal<T: Scalar, const K: usize>(a: &mut [[T; K]; K], value: T) {
     for (i, row) in a.iter_mut().enumerate() {
@@ -123,16 +133,18 @@ fn add_diagonal<T: Scalar, const K: usize>(a: &mut [[T; K]; K], value: T) {
 /// How far the weighted Jacobian is from singular: the harmonic sum of its squared singular
 /// values, `1 / (1/σ1² + 1/σ2² + ..)`, which is at most the smallest and smooth in the
 /// joints. `damping` is added to each. `weights`: position and orientation; a weight of zero
-/// takes its three directions out.
+/// takes its three directions out. From six joints on the factor of `W J Jᵀ W + λ² I` comes
+/// with it.
 pub(super) fn clearance<T: Scalar, const N: usize>(
     columns: &Columns<T, N>,
     weights: [T; 2],
     damping: T,
-) -> T {
-    let trace = if N < 6 {
+) -> (T, Option<Factor<T, 6>>) {
+    if N < 6 {
         let mut h = normal_matrix(columns);
         add_diagonal(&mut h, damping);
-        Factor::of(&h, damping).inverse_trace(&[T::one(); N])
+        let factor = Factor::of(&h, damping);
+        (T::one() / factor.inverse_trace(&[T::one(); N]), None)
     } else {
         let mut a = [[T::zero(); 6]; 6];
         for column in columns {
@@ -140,9 +152,10 @@ pub(super) fn clearance<T: Scalar, const N: usize>(
         }
         add_diagonal(&mut a, damping);
         let [p, o] = weights.map(|w| w * w);
-        Factor::of(&a, damping).inverse_trace(&[p, p, p, o, o, o])
-    };
-    T::one() / trace
+        let factor = Factor::of_six(&a, damping);
+        let trace = factor.inverse_trace(&[p, p, p, o, o, o]);
+        (T::one() / trace, Some(factor))
+    }
 }
 
 /// Solves the linearised problem inside the box `low <= q <= high` by coordinate descent,

@@ -1,0 +1,156 @@
+//! Along a straight path, points 0.1 mm apart, corrected commands move on in small steps:
+//! through the wrist singularity, along and into a joint limit, with and without a memory.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
+#[path = "support/puma.rs"]
+#[expect(
+    dead_code,
+    reason = "poses away from singularities are for other tests"
+)]
+mod puma;
+#[expect(dead_code, reason = "random arms are for other tests")]
+mod support;
+
+use nalgebra::{DMatrix, DVector, Vector3};
+use puma::{blob, off};
+use support::Random;
+use truepose::budget::Budget;
+use truepose::compensate::{Compensator, Request};
+use truepose::jacobian::joint_column;
+use truepose::{Frame, Model, Pose, Twist, forward};
+
+/// Points of a path, 0.1 mm apart.
+const POINTS: i32 = 1200;
+
+/// The largest step of any corrected joint beyond the nominal step, rad. A correction is at
+/// most `e / γ` times as steep as the singular value along the path, with a pose error e of
+/// 0.01 and γ = 0.0016 right at the singularity; the wrist turns by 0.3 mrad between
+/// neighbours.
+const BOUND: f64 = 0.01 / 0.0016 * 3e-4;
+
+/// A straight line in the arm's plane without turning the tool, through the configuration
+/// where the fifth joint is zero. Joints 4 and 6 stay where they are; the others are found by
+/// least squares, which is well conditioned here. Returns nominal joints.
+fn path(model: &Model<'_, f64, 6>, roll: f64, along: &Vector3<f64>) -> Vec<[f64; 6]> {
+    let chain = &model.nominal;
+    let singular = [0.3, -0.6, 0.2, 0.0, 0.0, roll];
+    let middle = model.nominal_pose(&singular);
+    let mut q = singular;
+    let mut walk = |steps: &mut dyn Iterator<Item = i32>| {
+        q = singular;
+        let mut out = Vec::new();
+        for k in steps {
+            let goal = Pose::new(
+                middle.rotation,
+                middle.translation + along * (f64::from(k) * 1e-4),
+            );
+            for _ in 0..5 {
+                let mut frames = [Frame::identity(); 6];
+                let tool = forward(&chain.base, &chain.joints, &q, &mut frames).then(&chain.tool);
+                let error = DVector::from_row_slice(&tool.twist_to(&goal).rows());
+                let free = [0, 1, 2, 4];
+                let mut matrix = DMatrix::zeros(6, free.len());
+                for (c, &j) in free.iter().enumerate() {
+                    let column =
+                        joint_column(chain.joints[j].kind, &frames[j], &tool.translation).rows();
+                    matrix.set_column(c, &DVector::from_row_slice(&column));
+                }
+                let step = matrix.svd(true, true).solve(&error, 1e-12).unwrap();
+                for (c, &j) in free.iter().enumerate() {
+                    q[j] += step[c];
+                }
+            }
+            assert!(tool_error(model, &q, &goal) < 1e-9);
+            out.push(q);
+        }
+        out
+    };
+    let mut before = walk(&mut (1..POINTS / 2).map(|k| -k));
+    before.reverse();
+    before.extend(walk(&mut (0..POINTS / 2)));
+    before
+}
+
+fn tool_error(model: &Model<'_, f64, 6>, q: &[f64; 6], goal: &Pose<f64>) -> f64 {
+    size(&model.nominal_pose(q).twist_to(goal))
+}
+
+fn size(twist: &Twist<f64>) -> f64 {
+    twist.linear.norm().hypot(twist.angular.norm())
+}
+
+/// Direction in the arm's plane: up and forward.
+fn in_plane(first: f64) -> Vector3<f64> {
+    Vector3::new(first.cos() * 0.6, first.sin() * 0.6, 0.8)
+}
+
+/// Largest joint step beyond the nominal one; checks the other promises on the way.
+fn roughness(model: &Model<'_, f64, 6>, path: &[[f64; 6]], memory: bool) -> f64 {
+    let mut compensator = Compensator::new(model);
+    let mut last: Option<[f64; 6]> = None;
+    let mut largest = 0.0_f64;
+    for (k, q) in path.iter().enumerate() {
+        if !memory {
+            compensator.reset();
+        }
+        let outcome = compensator.correct(&Request::joints(*q), &mut Budget::unlimited());
+        let (before, after) = (outcome.initial.unwrap(), outcome.remaining.unwrap());
+        assert!(
+            after.position.hypot(after.orientation) <= before.position.hypot(before.orientation)
+        );
+        let correction = std::array::from_fn(|j| outcome.q[j] - q[j]);
+        if let Some(last) = last {
+            for j in 0..6 {
+                let step: f64 = correction[j] - last[j];
+                largest = largest.max(step.abs());
+            }
+        }
+        last = Some(correction);
+        assert!(k < path.len());
+    }
+    largest
+}
+
+#[test]
+fn through_the_wrist_singularity() {
+    let mut random = Random(31);
+    let mut worst = [0.0_f64; 2];
+    for _ in 0..20 {
+        let blob = blob(off(&mut random), &[]);
+        let model = blob.model::<f64, 6>().unwrap();
+        let path = path(&model, random.within(2.0), &in_plane(0.3));
+        for (worst, memory) in worst.iter_mut().zip([false, true]) {
+            *worst = worst.max(roughness(&model, &path, memory));
+        }
+    }
+    println!("largest step beyond nominal {worst:?} rad");
+    assert!(
+        worst.iter().all(|&w| w < BOUND),
+        "{worst:?} against {BOUND}"
+    );
+}
+
+#[test]
+fn along_and_into_a_joint_limit() {
+    let mut random = Random(32);
+    let mut worst = [0.0_f64; 2];
+    for k in 0..20 {
+        let mut blob = blob(off(&mut random), &[]);
+        let free = blob.model::<f64, 6>().unwrap();
+        let path = path(&free, 0.5, &in_plane(0.3));
+        // The path runs into the limit of one joint and out again, or along it.
+        let j = [1, 2, 3, 4, 5][k % 5];
+        let highest = path.iter().map(|q| q[j]).fold(f64::MIN, f64::max);
+        let lowest = path.iter().map(|q| q[j]).fold(f64::MAX, f64::min);
+        blob.limits[j][1] = lowest + (highest - lowest) * 0.7;
+        let model = blob.model::<f64, 6>().unwrap();
+        for (worst, memory) in worst.iter_mut().zip([false, true]) {
+            *worst = worst.max(roughness(&model, &path, memory));
+        }
+    }
+    println!("largest step beyond nominal {worst:?} rad");
+    assert!(
+        worst.iter().all(|&w| w < BOUND),
+        "{worst:?} against {BOUND}"
+    );
+}
