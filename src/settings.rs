@@ -11,16 +11,19 @@ use crate::Scalar;
 pub enum Method {
     /// Damped inverse Jacobian, iterated. MRD 5.2.1.
     InverseJacobian,
+    /// Linear quadratic regulator. MRD 5.3.
+    Lqr,
 }
 
 impl Method {
     /// Every method, in the order of their numbers.
-    pub const ALL: [Self; 1] = [Self::InverseJacobian];
+    pub const ALL: [Self; 2] = [Self::InverseJacobian, Self::Lqr];
 
     /// As it stands on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::InverseJacobian => "inverse-jacobian",
+            Self::Lqr => "lqr",
         }
     }
 
@@ -52,6 +55,9 @@ pub struct Settings<T: Scalar> {
     /// Smallest singular value of the weighted joint Jacobian (1, per rad or m) below which
     /// corrections are held back, smoothly and completely at zero.
     pub singular_value: T,
+    /// Price of a correction in the regulator, square of weighted error per square of rad or
+    /// of a prismatic joint's travel (γ of MRD 5.136). Not used by the other methods.
+    pub effort: T,
     /// Largest correction of a revolute (rad) and of a prismatic joint (m).
     pub correction_bound: [T; 2],
     /// Worst case of one iteration in cycles of the caller's clock, where the built-in table
@@ -69,7 +75,8 @@ impl<T: Scalar> Default for Settings<T> {
             position_weight: T::one(),
             orientation_weight: T::one(),
             damping: T::of(1e-7),
-            singular_value: T::of(0.03),
+            singular_value: T::of(0.04),
+            effort: T::of(1e-7),
             correction_bound: [T::of(0.2), T::of(0.2)],
             iteration_cycles: None,
         }
@@ -89,6 +96,7 @@ impl<T: Scalar> Settings<T> {
             orientation_weight: c(self.orientation_weight),
             damping: c(self.damping),
             singular_value: c(self.singular_value),
+            effort: c(self.effort),
             correction_bound: self.correction_bound.map(c),
             iteration_cycles: self.iteration_cycles,
         }
@@ -107,6 +115,7 @@ impl<T: Scalar> Settings<T> {
             && self.damping >= T::of(1e-9)
             && self.singular_value >= o
             && self.singular_value <= T::one()
+            && self.effort >= o
             && self.correction_bound.iter().all(|&b| b >= o)
     }
 }

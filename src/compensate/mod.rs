@@ -13,6 +13,8 @@
 mod descent;
 mod error;
 pub mod inverse_jacobian;
+pub mod lqr;
+pub mod minimum_move;
 mod solve;
 mod step;
 
@@ -188,7 +190,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             }
             Some(status) => self.unchanged(self.within_limits(&request.q), status, budget),
             None => match self.settings.method {
-                Method::InverseJacobian => self.descend(request, budget),
+                Method::InverseJacobian | Method::Lqr => self.descend(request, budget),
             },
         };
         if outcome.status.compensated() {
@@ -232,6 +234,15 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             Some(pose) => *pose,
             None => self.model.nominal_pose(&request.q),
         };
+        let effort = match self.settings.method {
+            Method::InverseJacobian => [T::zero(); N],
+            Method::Lqr => lqr::prices(
+                self.settings.effort,
+                &start,
+                &self.model.calibrated.joints,
+                &self.model.limits,
+            ),
+        };
         let mut descent = Descent {
             arm: self.model.calibrated.arm(&self.model.effects),
             settings: &self.settings,
@@ -240,7 +251,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             start,
             room: self.room(&start),
             resolution: &self.model.resolution,
-            effort: [T::zero(); N],
+            effort,
             longest: 0,
         };
         let found = descent.run(&self.state.correction, budget, &cost);

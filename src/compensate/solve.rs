@@ -49,12 +49,12 @@ impl<T: Scalar> Factor<T, 6> {
         let mut x = *b;
         macro_rules! forward {
             ($($i:literal: $($k:literal)*);*) => {
-                $(x[$i] = x[$i] $(- l[$i][$k] * x[$k])*;)*
+                $($(x[$i] -= l[$i][$k] * x[$k];)*)*
             };
         }
         macro_rules! backward {
             ($($i:literal: $($k:literal)*);*) => {
-                $(x[$i] = x[$i] * d[$i] $(- l[$k][$i] * x[$k])*;)*
+                $(x[$i] *= d[$i]; $(x[$i] -= l[$k][$i] * x[$k];)*)*
             };
         }
         forward!(1: 0; 2: 0 1; 3: 0 1 2; 4: 0 1 2 3; 5: 0 1 2 3 4);
