@@ -1,19 +1,31 @@
 //! The functions of the control loop, called so that `tools/cost` can count them.
+//!
+//! Writes `name: meaning` for each function of [`measured`], `name = a - b: meaning` for what is
+//! the difference of two, and `effect KIND: first further` for the instructions that a first and a second
+//! effect of a kind add to one evaluation of the model, by the clock.
 
 use core::fmt::{self, Write};
 use core::hint::black_box;
 
-use truepose::{Frame, Scalar};
+use truepose::budget::{Budget, Clock};
+use truepose::compensate::{Compensator, Request, Status};
+use truepose::effects::{Ambient, Conditions, Effect, KINDS, Selector, Wish};
+use truepose::{Frame, Model, Settings, params};
 
-use crate::arm::{self, JOINTS, TRAVEL};
+use crate::arm::{JOINTS, TRAVEL};
 use crate::draws::Draws;
+use crate::parameters::RIGID;
 
 /// Calls of each function.
 const CALLS: usize = 64;
 
 /// What is counted: each function's whole call, arguments already in place.
 pub mod measured {
-    use truepose::{BakedJoint, Frame, Pose, Scalar, forward};
+    use truepose::budget::{Budget, NoClock};
+    use truepose::compensate::{Compensator, Outcome, Request};
+    use truepose::effects::Conditions;
+    use truepose::params::BlobError;
+    use truepose::{BakedChain, Frame, Model, Pose, Scalar, forward, params};
 
     use crate::arm::JOINTS;
 
@@ -26,41 +38,213 @@ pub mod measured {
     /// All frames and the tool pose of a rigid chain.
     #[inline(never)]
     pub fn forward_kinematics(
-        base: &Pose<f32>,
-        joints: &[BakedJoint<f32>; JOINTS],
-        tool: &Pose<f32>,
+        chain: &BakedChain<f32, JOINTS>,
         q: &[f32; JOINTS],
         frames: &mut [Frame<f32>; JOINTS],
     ) -> Pose<f32> {
-        forward(base, joints, q, frames).then(tool)
+        forward(&chain.base, &chain.joints, q, frames).then(&chain.tool)
+    }
+
+    /// Where the model puts the tool.
+    #[inline(never)]
+    pub fn prediction(
+        model: &Model<'_, f32, JOINTS>,
+        q: &[f32; JOINTS],
+        conditions: &Conditions<f32, JOINTS>,
+    ) -> Pose<f32> {
+        model.predict(q, conditions)
+    }
+
+    /// A pose from its nominal joints.
+    #[inline(never)]
+    pub fn compensated_pose(
+        compensator: &mut Compensator<'_, f32, JOINTS>,
+        request: &Request<f32, JOINTS>,
+    ) -> Outcome<f32, JOINTS> {
+        compensator.correct(request, &mut Budget::unlimited())
+    }
+
+    /// The same with a compensator that ends after its first iteration. Another budget: two
+    /// functions of the same code would become one.
+    #[inline(never)]
+    pub fn pose_in_one_iteration(
+        compensator: &mut Compensator<'_, f32, JOINTS>,
+        request: &Request<f32, JOINTS>,
+    ) -> Outcome<f32, JOINTS> {
+        compensator.correct(request, &mut Budget::cycles(&NoClock, 1 << 31))
+    }
+
+    /// Nominal joints alone.
+    #[inline(never)]
+    pub fn compensated_joints(
+        compensator: &mut Compensator<'_, f32, JOINTS>,
+        q: &[f32; JOINTS],
+    ) -> Outcome<f32, JOINTS> {
+        compensator.correct(&Request::joints(*q), &mut Budget::unlimited())
+    }
+
+    /// The blob of a rigid arm, from bytes to the baked model.
+    #[inline(never)]
+    pub fn decode(blob: &[u8]) -> Result<Model<'_, f32, JOINTS>, BlobError> {
+        params::decode(blob)
     }
 }
 
-/// Calls each function of [`measured`] and names it.
-pub fn print(out: &mut dyn Write) -> fmt::Result {
+fn joints(draws: &mut Draws) -> [f32; JOINTS] {
+    TRAVEL.map(|travel| travel * draws.symmetric())
+}
+
+/// Calls each function and writes what it is.
+pub fn print(out: &mut dyn Write, clock: &impl Clock) -> fmt::Result {
+    let model = params::decode::<f32, JOINTS>(RIGID).map_err(|_| fmt::Error)?;
+    kinematics(out, &model)?;
+    compensation(out, &model)?;
+    writeln!(
+        out,
+        "decode: a rigid arm's blob, checked and baked (in f64, once)"
+    )?;
+    black_box(&measured::decode(black_box(RIGID)));
+    effects(out, &model, clock)
+}
+
+fn kinematics(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Result {
     let mut draws = Draws::seeded(2);
     writeln!(out, "sine_and_cosine: of one angle, both")?;
     for _ in 0..CALLS {
         black_box(measured::sine_and_cosine(black_box(
-            draws.symmetric() * f32::of(6.3),
+            6.3 * draws.symmetric(),
         )));
     }
     writeln!(
         out,
-        "forward_kinematics: all frames and the tool pose, 6 revolute joints, base and tool"
+        "forward_kinematics: all frames and the tool pose; 6 revolute joints, base and tool"
     )?;
-    let chain = arm::baked(&arm::built()).cast::<f32>();
     let mut frames = [Frame::identity(); JOINTS];
     for _ in 0..CALLS {
-        let q = TRAVEL.map(|travel| travel * draws.symmetric());
-        black_box(measured::forward_kinematics(
-            black_box(&chain.base),
-            black_box(&chain.joints),
-            black_box(&chain.tool),
+        let q = joints(&mut draws);
+        black_box(&measured::forward_kinematics(
+            black_box(&model.calibrated),
             black_box(&q),
             &mut frames,
         ));
         black_box(&frames);
+    }
+    Ok(())
+}
+
+fn compensation(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Result {
+    writeln!(
+        out,
+        "compensated_pose: a pose given, from its nominal joints; limits, checks and report included"
+    )?;
+    writeln!(
+        out,
+        "pose_in_one_iteration: the same, stopped after one iteration"
+    )?;
+    writeln!(
+        out,
+        "iteration = compensated_pose - pose_in_one_iteration: a damped step and its evaluation"
+    )?;
+    writeln!(
+        out,
+        "compensated_joints: the same from the nominal joints alone, whose pose is computed first"
+    )?;
+    let mut draws = Draws::seeded(4);
+    let mut compensator = Compensator::new(model);
+    let mut once = Compensator::new(model).with_settings(Settings {
+        max_iterations: 1,
+        ..model.settings
+    });
+    let mut calls = 0;
+    while calls < CALLS {
+        let q = joints(&mut draws);
+        let request = Request::pose(model.nominal_pose(&q), q);
+        // Those that take two iterations, like all that are clear of singular poses.
+        compensator.reset();
+        let outcome = compensator.correct(&request, &mut Budget::unlimited());
+        if (outcome.status, outcome.iterations) != (Status::Converged, 2) {
+            continue;
+        }
+        calls += 1;
+        compensator.reset();
+        black_box(&measured::compensated_pose(
+            black_box(&mut compensator),
+            black_box(&request),
+        ));
+        once.reset();
+        black_box(&measured::pose_in_one_iteration(
+            black_box(&mut once),
+            black_box(&request),
+        ));
+        compensator.reset();
+        black_box(&measured::compensated_joints(
+            black_box(&mut compensator),
+            black_box(&q),
+        ));
+    }
+    Ok(())
+}
+
+/// Most instructions of one evaluation over a few poses.
+fn evaluation(model: &Model<'_, f32, JOINTS>, clock: &impl Clock) -> u32 {
+    let mut draws = Draws::seeded(5);
+    let mut most = 0;
+    let mut conditions = Conditions {
+        direction: [1.0; JOINTS],
+        ambient: Ambient {
+            payload: 3.0,
+            time: 60.0,
+            ..Ambient::default()
+        },
+    };
+    conditions.ambient.temperature.fill(30.0);
+    for _ in 0..CALLS {
+        let q = joints(&mut draws);
+        let began = clock.now();
+        black_box(&measured::prediction(
+            black_box(model),
+            black_box(&q),
+            black_box(&conditions),
+        ));
+        most = most.max(clock.elapsed(began));
+    }
+    most
+}
+
+fn effects(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>, clock: &impl Clock) -> fmt::Result {
+    writeln!(
+        out,
+        "prediction: where the model puts the tool, all poses and effects below"
+    )?;
+    let rigid = evaluation(model, clock);
+    let selector = Selector {
+        joint: Some(2),
+        order: Some(2.0),
+        ..Selector::default()
+    };
+    for kind in KINDS {
+        let selector = Selector {
+            from: (kind.from == Wish::Must).then_some(1),
+            ..selector
+        };
+        // An effect of the base takes no joint.
+        let Some(mut effect) = Effect::<f32>::named(kind.name, &selector) else {
+            continue;
+        };
+        for value in effect.model_mut().values_mut() {
+            *value = 1e-4;
+        }
+        let [one, two] = [1, 2].map(|count| {
+            let mut loaded = model.clone();
+            loaded.effects = core::iter::repeat_n(effect, count).collect();
+            evaluation(&loaded, clock).saturating_sub(rigid)
+        });
+        writeln!(
+            out,
+            "effect {}: {one} {}",
+            kind.name,
+            two.saturating_sub(one)
+        )?;
     }
     Ok(())
 }
