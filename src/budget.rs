@@ -127,8 +127,8 @@ impl Budget<'static, NoClock> {
 /// What the parts of a compensation cost at worst, in cycles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cost {
-    /// Before the first iteration: the pose that the request means and where the nominal and
-    /// the remembered command lead.
+    /// Around the iterations: the poses that the request and the answer nominally mean, where
+    /// the nominal and the remembered command lead, how near a singularity is.
     pub start: u32,
     /// One iteration: a step and its evaluation, limits and singularities included.
     pub iteration: u32,
@@ -155,7 +155,7 @@ impl Cost {
             .saturating_add(joints.saturating_mul(400))
             .saturating_add(800);
         Self {
-            start: evaluation.saturating_mul(3),
+            start: evaluation.saturating_mul(4).saturating_add(solve),
             iteration: evaluation.saturating_add(solve.saturating_mul(2)),
         }
     }

@@ -13,17 +13,20 @@ pub enum Method {
     InverseJacobian,
     /// Linear quadratic regulator. MRD 5.3.
     Lqr,
+    /// Redefinition of the task point. MRD 5.2.2.
+    TaskPoint,
 }
 
 impl Method {
     /// Every method, in the order of their numbers.
-    pub const ALL: [Self; 2] = [Self::InverseJacobian, Self::Lqr];
+    pub const ALL: [Self; 3] = [Self::InverseJacobian, Self::Lqr, Self::TaskPoint];
 
     /// As it stands on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::InverseJacobian => "inverse-jacobian",
             Self::Lqr => "lqr",
+            Self::TaskPoint => "task-point",
         }
     }
 
@@ -75,7 +78,7 @@ impl<T: Scalar> Default for Settings<T> {
             position_weight: T::one(),
             orientation_weight: T::one(),
             damping: T::of(1e-7),
-            singular_value: T::of(0.04),
+            singular_value: T::of(0.03),
             effort: T::of(1e-7),
             correction_bound: [T::of(0.2), T::of(0.2)],
             iteration_cycles: None,

@@ -34,9 +34,9 @@ pub(super) struct Point<T: Scalar, const N: usize> {
     pub(super) q: [T; N],
     pub(super) error: PoseError<T>,
     /// Predicted to desired.
-    twist: Twist<T>,
+    pub(super) twist: Twist<T>,
     /// Square of the weighted error.
-    square: T,
+    pub(super) square: T,
     /// Tool point of the rigid chain, m.
     tool: nalgebra::Vector3<T>,
 }
@@ -101,7 +101,7 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
             if self.converged(&best) {
                 return (best, Status::Converged, iterations);
             }
-            if let Some(status) = self.halt(iterations, budget, cost) {
+            if let Some(status) = self.halt(iterations, budget, cost.iteration) {
                 return (best, status, iterations);
             }
             let begun = budget.spent();
@@ -120,7 +120,7 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
                 let stop = if shortening == SHORTENINGS {
                     Some(Status::Settled)
                 } else {
-                    self.halt(iterations, budget, cost)
+                    self.halt(iterations, budget, cost.iteration)
                 };
                 let quarter = T::of(0.25);
                 match (trial, stop) {
@@ -143,15 +143,15 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
     }
 
     /// Why not to go on, if so.
-    fn halt<C: Clock>(
+    pub(super) fn halt<C: Clock>(
         &self,
         iterations: u8,
         budget: &Budget<'_, C>,
-        cost: &Cost,
+        cost: u32,
     ) -> Option<Status> {
         if iterations >= self.settings.max_iterations {
             Some(Status::IterationLimit)
-        } else if !budget.fits(cost.iteration) {
+        } else if !budget.fits(cost) {
             Some(Status::OutOfBudget)
         } else {
             None
@@ -209,7 +209,7 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
     }
 
     /// Where the model puts `q`; `None` if nowhere finite.
-    fn evaluate(&self, q: [T; N], room: &mut Room<T, N>) -> Option<Point<T, N>> {
+    pub(super) fn evaluate(&self, q: [T; N], room: &mut Room<T, N>) -> Option<Point<T, N>> {
         let conditions = self.conditions;
         let prediction = self.arm.predict(
             &q,
@@ -298,7 +298,7 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
 
     /// Whether both errors are below their tolerances, or below what can be told apart in
     /// this number type.
-    fn converged(&self, point: &Point<T, N>) -> bool {
+    pub(super) fn converged(&self, point: &Point<T, N>) -> bool {
         let settings = self.settings;
         let tool = &point.tool;
         let far = tool.x.abs() + tool.y.abs() + tool.z.abs();

@@ -16,7 +16,9 @@ pub mod inverse_jacobian;
 pub mod lqr;
 pub mod minimum_move;
 mod solve;
+pub mod spherical_wrist;
 mod step;
+pub mod task_point;
 
 use crate::budget::{Budget, Clock, Cost};
 use crate::effects::Conditions;
@@ -25,6 +27,7 @@ use crate::{Method, Pose, Scalar, Settings};
 
 use descent::Descent;
 pub use error::PoseError;
+use task_point::Inverse;
 
 /// What to correct.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,6 +109,9 @@ pub struct Outcome<T: Scalar, const N: usize> {
     pub q: [T; N],
     /// Why it is as it is.
     pub status: Status,
+    /// The pose to ask of the nominal inverse kinematics in place of the desired one, in the
+    /// world; from the task-point method only.
+    pub task_point: Option<Pose<T>>,
     /// Steps that were evaluated.
     pub iterations: u8,
     /// Predicted pose error of the nominal command (clamped to the limits); `None` where it
@@ -184,14 +190,23 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         request: &Request<T, N>,
         budget: &mut Budget<'_, C>,
     ) -> Outcome<T, N> {
+        self.correct_through(request, None, budget)
+    }
+
+    /// As [`Compensator::correct`], with the caller's own nominal inverse kinematics for
+    /// [`task_point`]. The other methods do not need it.
+    pub fn correct_through<C: Clock>(
+        &mut self,
+        request: &Request<T, N>,
+        inverse: Option<Inverse<'_, T, N>>,
+        budget: &mut Budget<'_, C>,
+    ) -> Outcome<T, N> {
         let outcome = match refusal(request) {
             Some(Status::JointsNotFinite) => {
                 self.unchanged(self.state.last, Status::JointsNotFinite, budget)
             }
             Some(status) => self.unchanged(self.within_limits(&request.q), status, budget),
-            None => match self.settings.method {
-                Method::InverseJacobian | Method::Lqr => self.descend(request, budget),
-            },
+            None => self.descend(request, inverse, budget),
         };
         if outcome.status.compensated() {
             for ((correction, &q), &start) in self
@@ -211,11 +226,12 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
     fn descend<C: Clock>(
         &mut self,
         request: &Request<T, N>,
+        inverse: Option<Inverse<'_, T, N>>,
         budget: &Budget<'_, C>,
     ) -> Outcome<T, N> {
         let table = Cost::worst(N, self.model.effects.len());
         let cost = match self.settings.iteration_cycles {
-            // Four evaluations take less than three iterations.
+            // Four evaluations and a factor take less than three iterations.
             Some(iteration) => Cost {
                 start: iteration.saturating_mul(3),
                 iteration,
@@ -235,7 +251,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             None => self.model.nominal_pose(&request.q),
         };
         let effort = match self.settings.method {
-            Method::InverseJacobian => [T::zero(); N],
+            Method::InverseJacobian | Method::TaskPoint => [T::zero(); N],
             Method::Lqr => lqr::prices(
                 self.settings.effort,
                 &start,
@@ -254,9 +270,30 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             effort,
             longest: 0,
         };
-        let found = descent.run(&self.state.correction, budget, &cost);
+        let found =
+            match (self.settings.method, inverse) {
+                (Method::TaskPoint, Some(inverse)) => {
+                    task_point::run(&mut descent, inverse, budget, &cost).map(|f| {
+                        (
+                            f.initial.error,
+                            f.best,
+                            Some(f.asked),
+                            f.status,
+                            f.iterations,
+                        )
+                    })
+                }
+                (Method::TaskPoint, None) => descent
+                    .run(&self.state.correction, budget, &cost)
+                    .map(|(initial, best, s, i)| {
+                        (initial, best, Some(self.model.nominal_pose(&best.q)), s, i)
+                    }),
+                (Method::InverseJacobian | Method::Lqr, _) => descent
+                    .run(&self.state.correction, budget, &cost)
+                    .map(|(initial, best, s, i)| (initial, best, None, s, i)),
+            };
         self.state.longest = self.state.longest.max(descent.longest);
-        let Some((initial, best, status, iterations)) = found else {
+        let Some((initial, best, task_point, status, iterations)) = found else {
             return self.unchanged(start, Status::PredictionNotFinite, budget);
         };
         let mut clamped = [false; N];
@@ -266,6 +303,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         Outcome {
             q: best.q,
             status,
+            task_point,
             iterations,
             initial: Some(initial),
             remaining: Some(best.error),
@@ -315,6 +353,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         Outcome {
             q,
             status,
+            task_point: None,
             iterations: 0,
             initial: None,
             remaining: None,
