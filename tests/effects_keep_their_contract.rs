@@ -10,11 +10,11 @@ use described::{Baked, Described, Given};
 use nalgebra::Vector3;
 use support::Random;
 use truepose::effects::{
-    AXES, Ambient, AxisWobble, Backlash, BaseFlex, Bends, CrossAxisCompliance, CurveSegment,
-    Effect, Factor, GearEccentricity, GearRipple, GravityLever, Grows, JointCompliance,
-    JointCoupling, JointCurve, JointGain, KINDS, LinkBending, ONE, Place, PrismaticStraightness,
-    Reading, SEGMENT, Selector, Shape, Stage, StepChange, ThermalDrift, ThermalGrowth, TimeDrift,
-    ToolLoad, Unnamed, Variable, WarmUp, Wish, Wobble,
+    AXES, Ambient, AxisWobble, Backlash, BaseFlex, Bends, CrossAxisCompliance, Effect, Factor,
+    GearEccentricity, GearRipple, GravityLever, Grows, JointCompliance, JointCoupling, JointCurve,
+    JointGain, KINDS, LinkBending, ONE, Place, PrismaticStraightness, Reading, Selector, Shape,
+    Stage, StepChange, ThermalDrift, ThermalGrowth, TimeDrift, ToolLoad, Unnamed, Variable, WarmUp,
+    Wish, Wobble,
 };
 use truepose::jacobian::reading_column;
 use truepose::{BakedJoint, Convention, Scalar};
@@ -23,14 +23,6 @@ use truepose::{BakedJoint, Convention, Scalar};
 const JOINTS: usize = 4;
 
 const COUNTS: [u8; 12] = [1, 0, 0, 0x80, 7, 1, 200, 255, 30, 1, 5, 0];
-
-/// One of the two segments of a curve of 13 cells.
-fn segment(number: usize) -> CurveSegment<f64> {
-    let turn = std::f64::consts::TAU;
-    let segments: Vec<_> = CurveSegment::split(1, 13, turn).collect();
-    assert_eq!(segments.len(), 2);
-    segments[number]
-}
 
 /// The first sample (`None`) or the one after `effect`. No wildcard: a new variant does not
 /// compile until it has a sample here, and the chain of them ends where it says `None`.
@@ -59,9 +51,7 @@ fn next(effect: Option<&Effect<'static, f64>>) -> Option<Effect<'static, f64>> {
         Effect::JointGain(_) => Effect::GearEccentricity(GearEccentricity::new(2, 3.0)),
         Effect::GearEccentricity(_) => Effect::JointCompliance(JointCompliance::new(1)),
         Effect::JointCompliance(_) => Effect::JointCurve(JointCurve::turn(1, 0.0, &COUNTS)),
-        Effect::JointCurve(_) => Effect::CurveSegment(segment(0)),
-        Effect::CurveSegment(e) if e.first == 0 => Effect::CurveSegment(segment(1)),
-        Effect::CurveSegment(_) => Effect::CrossAxisCompliance(CrossAxisCompliance::new(1)),
+        Effect::JointCurve(_) => Effect::CrossAxisCompliance(CrossAxisCompliance::new(1)),
         Effect::CrossAxisCompliance(_) => {
             Effect::ThermalDrift(ThermalDrift::new(Place::Joint(2), 1))
         }
@@ -231,7 +221,7 @@ fn a_new_effect_changes_nothing() {
 fn partials_equal_central_differences_of_the_model() {
     let mut random = Random(12);
     let mut effects = one_of_each();
-    let mut seen = vec![[false; SEGMENT]; effects.len()];
+    let mut seen = vec![[false; 4]; effects.len()];
     for case in 0..60 {
         let arm = arm(&mut random, case);
         let baked = arm.bake(&mut effects);
@@ -463,6 +453,23 @@ fn effects_come_back_from_the_blob() {
     assert!(attached > 10);
 }
 
+/// Bytes of every sample, values 0.5, 1, 1.5, ... as they have been since layout 1.
+#[test]
+fn effects_are_stored_as_they_always_were() {
+    let mut text = String::new();
+    for mut effect in one_of_each() {
+        for (k, value) in effect.model_mut().values_mut().iter_mut().enumerate() {
+            *value = 0.5 * (k + 1) as f64;
+        }
+        let mut buffer = [0; 512];
+        let bytes = postcard::to_slice(&effect, &mut buffer).unwrap();
+        let hex: String = bytes.iter().map(|b| format!("{b:02x}")).collect();
+        text += &format!("{} {hex}\n", effect.model().kind());
+    }
+    let golden = include_str!("golden/effects_layout_1.txt");
+    assert_eq!(text, golden, "found:\n{text}");
+}
+
 #[test]
 fn unsound_effects_are_told_from_sound_ones() {
     let mut random = Random(18);
@@ -495,12 +502,8 @@ fn names_and_parameters_match() {
         let model = effect.model();
         assert_eq!(model.parameters().len(), model.values().len());
         assert_eq!(model.constant_names().len(), model.constants().len());
-        if let Effect::Unnamed(_) | Effect::CurveSegment(_) = effect {
-            let found = Effect::<f64>::named(model.kind(), &model.selector());
-            assert!(!matches!(
-                found,
-                Some(Effect::Unnamed(_) | Effect::CurveSegment(_))
-            ));
+        if let Effect::Unnamed(_) = effect {
+            assert!(Effect::<f64>::named(model.kind(), &model.selector()).is_none());
             continue;
         }
         let found = Effect::<f64>::named(model.kind(), &model.selector()).unwrap();

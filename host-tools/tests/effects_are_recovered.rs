@@ -6,12 +6,10 @@
     reason = "what cannot be made in a test helper is a failed test"
 )]
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::Vector3;
-use truepose::effects::{
-    AXES, Ambient, CurveSegment, Effect, Factor, Place, SEGMENT, Selector, Shape, Unnamed, Variable,
-};
+use truepose::effects::{AXES, Ambient, Effect, Factor, Place, Selector, Shape, Unnamed, Variable};
 use truepose::{Joint, JointKind, LinkMass, Pose};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::linearize::Evaluator;
@@ -314,33 +312,6 @@ fn joints_of_higher_pairs_are_recovered() {
         &[named("thermal-growth", component(joint(2), 1), &[2e-5])],
         1,
     );
-}
-
-#[test]
-fn a_curve_is_recovered_in_segments_but_for_its_mean() {
-    let mut cells = (0..16).map(|i| 1e-4 * f64::from(i * i * 7 % 11 - 5));
-    let segments: Vec<Effect<'static, f64>> = CurveSegment::split(1, 16, TAU)
-        .map(|mut segment| {
-            segment.values = [0.0; SEGMENT].map(|_| cells.next().unwrap());
-            Effect::CurveSegment(segment)
-        })
-        .collect();
-    // The last cell, whose place the joint's offset takes, is 0 from the start.
-    let Some(Effect::CurveSegment(last)) = segments.last() else {
-        panic!("two segments");
-    };
-    let end = last.values[SEGMENT - 1];
-    let centred: Vec<Effect<'static, f64>> = segments
-        .iter()
-        .map(|effect| {
-            let mut effect = *effect;
-            for value in effect.model_mut().values_mut() {
-                *value -= end;
-            }
-            effect
-        })
-        .collect();
-    recover(false, &centred, 15);
 }
 
 #[test]

@@ -13,7 +13,7 @@ use crate::Scalar;
 /// ```
 /// Cells that were not measured count as zero, so the curve goes to zero within one cell
 /// beyond what was measured. For the contract its one value is `scale`, which is what makes
-/// it linear; its cells are identified as [`super::CurveSegment`]s.
+/// it linear; its cells are identified through [`hat`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JointCurve<'a, T: Scalar> {
     /// Joint, from 0.
@@ -41,21 +41,6 @@ pub struct Hat<T> {
     pub next: usize,
     /// 0 to 1.
     pub fraction: T,
-}
-
-impl<T: Scalar> Hat<T> {
-    /// What cell `cell` counts.
-    #[inline]
-    pub fn weight(&self, cell: usize) -> T {
-        let mut weight = T::zero();
-        if cell == self.index {
-            weight += T::one() - self.fraction;
-        }
-        if cell == self.next {
-            weight += self.fraction;
-        }
-        weight
-    }
 }
 
 /// Where the reading `q` (rad or m) lies in a table of `cells` cells, `density` a rad or m.

@@ -13,7 +13,6 @@ mod axis_wobble;
 mod backlash;
 mod base_flex;
 mod cross_axis_compliance;
-mod curve_segment;
 mod gear_eccentricity;
 mod gear_ripple;
 mod gravity_lever;
@@ -44,7 +43,6 @@ pub use axis_wobble::{AxisWobble, Wobble};
 pub use backlash::Backlash;
 pub use base_flex::BaseFlex;
 pub use cross_axis_compliance::CrossAxisCompliance;
-pub use curve_segment::{CurveSegment, SEGMENT};
 pub use gear_eccentricity::GearEccentricity;
 pub use gear_ripple::GearRipple;
 pub use gravity_lever::GravityLever;
@@ -246,8 +244,6 @@ effects! { 'a:
     PrismaticStraightness,
     /// See [`Unnamed`].
     Unnamed,
-    /// See [`CurveSegment`].
-    CurveSegment,
 }
 
 impl<T: Scalar> Effect<'_, T> {
