@@ -62,3 +62,31 @@ fn in_single_precision_below_2_um_and_5_urad_in_three_iterations() {
     assert!(position < 2e-6, "{position}");
     assert!(orientation < 5e-6, "{orientation}");
 }
+
+/// MRD 5.141: the controller knows the drawing only, the arm is off, an instrument looks.
+#[test]
+fn endpoint_sensing_reprograms_an_arm_that_was_never_identified() {
+    let mut random = Random(23);
+    let conditions = Conditions::default();
+    for _ in 0..20 {
+        let truth = blob(off(&mut random), &[]);
+        let drawing = blob(truth.nominal.clone(), &[]);
+        let truth = truth.model::<f64, 6>().unwrap();
+        let drawing = drawing.model::<f64, 6>().unwrap();
+        let start = away_from_singularities(&mut random, &truth);
+        let desired = drawing.nominal_pose(&start);
+        let mut q = start;
+        let mut left = Vec::new();
+        for _ in 0..4 {
+            let measured = truth.predict(&q, &conditions);
+            let twist = measured.twist_to(&desired);
+            left.push(twist.linear.norm().hypot(twist.angular.norm()));
+            let request = Request::sensed(&drawing, q, &measured, &desired, conditions);
+            q = Compensator::new(&drawing)
+                .correct(&request, &mut Budget::unlimited())
+                .q;
+        }
+        // The drawing's Jacobian is off by some thousandths times its condition.
+        assert!(left[1] < left[0] / 5.0 && left[3] < 1e-5, "{left:?}");
+    }
+}

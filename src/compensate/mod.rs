@@ -59,6 +59,22 @@ impl<T: Scalar, const N: usize> Request<T, N> {
         }
     }
 
+    /// Reprogramming by endpoint sensing: the arm was sent to `q`, was seen at `measured` and
+    /// should have been at `desired`, both in the world. MRD 5.141: the error is the measured
+    /// one, wherever `model` would have put the arm, so that a nominal model will do; what is
+    /// left after the answer is of the order of the error squared, so measure again.
+    pub fn sensed(
+        model: &Model<'_, T, N>,
+        q: [T; N],
+        measured: &Pose<T>,
+        desired: &Pose<T>,
+        conditions: Conditions<T, N>,
+    ) -> Self {
+        let error = measured.twist_to(desired);
+        let pose = model.predict(&q, &conditions).displaced(&error);
+        Self::pose(pose, q).conditions(conditions)
+    }
+
     /// Under these conditions.
     #[must_use]
     pub fn conditions(mut self, conditions: Conditions<T, N>) -> Self {

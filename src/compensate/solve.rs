@@ -61,6 +61,31 @@ impl<T: Scalar> Factor<T, 6> {
         backward!(5: ; 4: 5; 3: 4 5; 2: 3 4 5; 1: 2 3 4 5; 0: 1 2 3 4 5);
         x
     }
+
+    /// As [`Factor::inverse_trace`].
+    #[inline]
+    pub(super) fn inverse_trace_six(&self, weights: &[T; 6]) -> T {
+        let (l, d) = (&self.l, &self.inverse_d);
+        let mut trace = weights[5] * d[5];
+        // Column c of the inverse of L: one, then these.
+        macro_rules! column {
+            ($c:literal; $($i:literal: $($k:literal)*);*) => {
+                let mut x = [T::zero(); 6];
+                let mut sum = d[$c];
+                $(
+                    x[$i] = -l[$i][$c] $(- l[$i][$k] * x[$k])*;
+                    sum += x[$i] * x[$i] * d[$i];
+                )*
+                trace += sum * weights[$c];
+            };
+        }
+        column!(0; 1: ; 2: 1; 3: 1 2; 4: 1 2 3; 5: 1 2 3 4);
+        column!(1; 2: ; 3: 2; 4: 2 3; 5: 2 3 4);
+        column!(2; 3: ; 4: 3; 5: 3 4);
+        column!(3; 4: ; 5: 4);
+        column!(4; 5: );
+        trace
+    }
 }
 
 #[expect(
@@ -111,7 +136,6 @@ impl<T: Scalar, const K: usize> Factor<T, K> {
 
     /// Trace of `W (L D Lᵀ)⁻¹` for a diagonal W: the sum of the reciprocal eigenvalues where
     /// W is the identity.
-    #[inline]
     pub(super) fn inverse_trace(&self, weights: &[T; K]) -> T {
         let mut trace = T::zero();
         for column in 0..K {

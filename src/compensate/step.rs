@@ -153,7 +153,7 @@ pub(super) fn clearance<T: Scalar, const N: usize>(
         add_diagonal(&mut a, damping);
         let [p, o] = weights.map(|w| w * w);
         let factor = Factor::of_six(&a, damping);
-        let trace = factor.inverse_trace(&[p, p, p, o, o, o]);
+        let trace = factor.inverse_trace_six(&[p, p, p, o, o, o]);
         (T::one() / trace, Some(factor))
     }
 }
