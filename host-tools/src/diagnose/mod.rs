@@ -1,3 +1,11 @@
-//! From the residual to what the model lacks: is the input right, is something missing.
+//! From the residual to what the model lacks: is the input right, is something missing, and
+//! if so, what.
 
+pub mod hypothesis;
+pub mod model;
+pub mod periodogram;
+pub mod search;
+pub mod significance;
+pub mod space;
+pub mod validate;
 pub mod whiteness;

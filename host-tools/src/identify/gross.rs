@@ -42,7 +42,7 @@ pub fn gross(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> V
 
 /// How far the tool moves per unit of each joint, root mean square over the rows, m: what
 /// makes distances in joint space comparable.
-pub(super) fn levers(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> Vec<f64> {
+pub(crate) fn levers(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> Vec<f64> {
     let mut evaluator = Evaluator::new(arm, sigmas);
     let mut sums = vec![0.0; arm.joint_count()];
     for o in observations {

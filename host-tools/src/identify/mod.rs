@@ -106,6 +106,17 @@ pub(crate) fn fit(
     (fit, dropped)
 }
 
+/// Unknowns of geometry and placement that a calibration was fitted with.
+pub fn placement_unknowns(problem: &Problem, calibration: &Calibration) -> Vec<Unknown> {
+    let mut candidates = placement(problem);
+    for unknown in &calibration.structure.unknowns {
+        if !candidates.contains(unknown) {
+            candidates.push(*unknown);
+        }
+    }
+    candidates
+}
+
 /// Aligns base, tool, targets and anchor to the drawn geometry, from several first guesses
 /// of the tool where the drawing's is far off.
 pub fn align(problem: &Problem) -> Result<Stage, Failure> {

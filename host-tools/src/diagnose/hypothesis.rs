@@ -1,0 +1,298 @@
+//! What may be missing: every effect, joint and order that the data's columns allow.
+
+use truepose::JointKind;
+use truepose::effects::{Effect, KINDS, Kind, Needs, Selector};
+
+use crate::identify::arm::ArmModel;
+use crate::identify::observation::Observation;
+
+/// One explanation that is tested as a whole.
+#[derive(Clone, Debug)]
+pub struct Hypothesis {
+    /// Kind as in reports.
+    pub kind: &'static str,
+    /// Joint from 0; `None` for the base or for all joints at once.
+    pub joint: Option<usize>,
+    /// Periods a turn.
+    pub order: Option<f64>,
+    /// The other joint, from 0.
+    pub from: Option<usize>,
+    /// What it adds to the model.
+    pub members: Members,
+    /// Logarithm of its share of the error probability: kinds share alike, then the members
+    /// of a kind, so that hundreds of harmonics do not make compliance expensive.
+    pub ln_weight: f64,
+}
+
+/// What a hypothesis adds to the model.
+#[derive(Clone, Debug)]
+pub enum Members {
+    /// Effects of the arm.
+    Effects(Vec<Effect<'static, f64>>),
+    /// Joints that were read before the arm had settled.
+    EarlyReading,
+}
+
+impl Hypothesis {
+    /// Same kind, joint, order and other joint.
+    pub fn is_same(&self, other: &Self) -> bool {
+        let near = |a: Option<f64>, b: Option<f64>| match (a, b) {
+            (Some(a), Some(b)) => (a - b).abs() < 0.3,
+            (a, b) => a.is_none() && b.is_none(),
+        };
+        self.kind == other.kind
+            && self.joint == other.joint
+            && self.from == other.from
+            && near(self.order, other.order)
+            && self.constants() == other.constants()
+    }
+
+    /// Number of values that it adds.
+    pub fn len(&self) -> usize {
+        match &self.members {
+            Members::Effects(effects) => effects.iter().map(|e| e.model().values().len()).sum(),
+            Members::EarlyReading => 1,
+        }
+    }
+
+    /// True if it adds nothing.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    fn constants(&self) -> Vec<f64> {
+        match &self.members {
+            Members::Effects(effects) => effects
+                .iter()
+                .flat_map(|e| e.model().constants().to_vec())
+                .collect(),
+            Members::EarlyReading => Vec::new(),
+        }
+    }
+
+    /// As a person says it, joints counted from 1.
+    pub fn label(&self) -> String {
+        let mut label = match self.joint {
+            Some(j) => format!("joint {} {}", j + 1, self.kind),
+            None => self.kind.to_owned(),
+        };
+        if let Some(order) = self.order {
+            label += &format!(" of order {order}");
+        }
+        if let Some(from) = self.from {
+            label += &format!(" from joint {}", from + 1);
+        }
+        label
+    }
+}
+
+/// Highest order that is a candidate everywhere; the periodogram finds higher ones.
+const ORDERS: u32 = 12;
+
+/// Places of a step in time and time constants of a warm-up that are tried; the best is
+/// refined afterwards.
+const STEPS: usize = 19;
+
+/// What the data can show.
+struct Conditions {
+    masses: bool,
+    direction: bool,
+    temperature: usize,
+    time: Option<[f64; 2]>,
+    order: bool,
+}
+
+fn conditions(arm: &ArmModel, observations: &[&Observation]) -> Conditions {
+    let times = observations.iter().map(|o| o.ambient.time);
+    let low = times.clone().fold(f64::INFINITY, f64::min);
+    let high = times.fold(f64::NEG_INFINITY, f64::max);
+    let varies = |sensor: usize| {
+        let first = observations
+            .first()
+            .map_or(0.0, |o| o.ambient.temperature[sensor]);
+        observations
+            .iter()
+            .any(|o| (o.ambient.temperature[sensor] - first).abs() > 0.1)
+    };
+    Conditions {
+        masses: arm.masses.iter().any(|m| m.mass > 0.0)
+            || observations.iter().any(|o| o.ambient.payload > 0.0),
+        direction: observations
+            .iter()
+            .any(|o| o.direction.iter().any(|d| d.abs() > 0.5)),
+        temperature: (0..truepose::effects::MAX_SENSORS)
+            .filter(|&s| varies(s))
+            .count(),
+        time: (high > low).then_some([low, high]),
+        order: observations
+            .iter()
+            .any(|o| o.travel.iter().any(|d| d.abs() > 0.0)),
+    }
+}
+
+/// Every hypothesis that these rows allow, one entry each.
+pub fn hypotheses(arm: &ArmModel, observations: &[&Observation]) -> Vec<Hypothesis> {
+    let conditions = conditions(arm, observations);
+    let mut families: Vec<Vec<Hypothesis>> = Vec::new();
+    for kind in KINDS {
+        let allowed = match kind.needs {
+            Needs::Joints | Needs::Gravity => true,
+            Needs::Masses => conditions.masses,
+            Needs::Direction => conditions.direction,
+            Needs::Temperature => conditions.temperature > 0,
+            Needs::Time => conditions.time.is_some(),
+        };
+        if allowed && kind.name != "joint-curve" && kind.name != "gear-ripple" {
+            families.push(family(kind, arm, &conditions));
+        }
+    }
+    if conditions.order {
+        families.push(vec![Hypothesis {
+            kind: "early-reading",
+            joint: None,
+            order: None,
+            from: None,
+            members: Members::EarlyReading,
+            ln_weight: 0.0,
+        }]);
+    }
+    families.retain(|f| !f.is_empty());
+    let kinds = families.len() as f64;
+    for family in &mut families {
+        let ln_weight = -(kinds * family.len() as f64).ln();
+        for hypothesis in family {
+            hypothesis.ln_weight = ln_weight;
+        }
+    }
+    families.into_iter().flatten().collect()
+}
+
+/// All joints, orders and components of one kind.
+fn family(kind: &'static Kind, arm: &ArmModel, conditions: &Conditions) -> Vec<Hypothesis> {
+    let n = arm.joint_count();
+    let mut found = Vec::new();
+    let mut push = |selector: Selector, effects: Vec<Effect<'static, f64>>| {
+        let mut effects = effects;
+        for effect in &mut effects {
+            arm.attach(effect);
+        }
+        if !effects.is_empty() {
+            found.push(Hypothesis {
+                kind: kind.name,
+                joint: selector.joint,
+                order: if kind.order { selector.order } else { None },
+                from: selector.from,
+                members: Members::Effects(effects),
+                ln_weight: 0.0,
+            });
+        }
+    };
+    let named = |selector: &Selector| Effect::<f64>::named(kind.name, selector);
+    if kind.joint {
+        for j in 0..n {
+            let selector = Selector {
+                joint: Some(j),
+                ..Selector::default()
+            };
+            let revolute = arm.joints[j].kind == JointKind::Revolute;
+            if kind.order {
+                if revolute {
+                    let top = if kind.name == "gear-eccentricity" {
+                        ORDERS
+                    } else {
+                        3
+                    };
+                    for order in 1..=top {
+                        let selector = Selector {
+                            order: Some(f64::from(order)),
+                            ..selector
+                        };
+                        push(selector, components(kind, &selector));
+                    }
+                }
+            } else if kind.name == "joint-coupling" {
+                for from in (0..n).filter(|&i| i != j) {
+                    let selector = Selector {
+                        from: Some(from),
+                        ..selector
+                    };
+                    push(selector, named(&selector).into_iter().collect());
+                }
+            } else {
+                for constant in constants(kind, conditions) {
+                    let mut effects = components(kind, &selector);
+                    set_constant(&mut effects, constant);
+                    push(selector, effects);
+                }
+            }
+        }
+        // gravity acts on all joints at once
+        if matches!(
+            kind.name,
+            "joint-compliance" | "tool-load" | "cross-axis-compliance"
+        ) {
+            let all: Vec<_> = (0..n)
+                .filter_map(|j| {
+                    named(&Selector {
+                        joint: Some(j),
+                        ..Selector::default()
+                    })
+                })
+                .collect();
+            push(Selector::default(), all);
+        }
+    }
+    if kind.base {
+        // the base moves as a whole: all its components together
+        for constant in constants(kind, conditions) {
+            let mut effects = components(kind, &Selector::default());
+            set_constant(&mut effects, constant);
+            push(Selector::default(), effects);
+        }
+    }
+    found
+}
+
+/// All components of a kind that go together.
+fn components(kind: &Kind, selector: &Selector) -> Vec<Effect<'static, f64>> {
+    if kind.components.is_empty() || (kind.base && selector.joint.is_some()) {
+        return Effect::named(kind.name, selector).into_iter().collect();
+    }
+    (0..kind.components.len())
+        .filter_map(|c| {
+            let selector = Selector {
+                component: u8::try_from(c).ok(),
+                ..*selector
+            };
+            Effect::named(kind.name, &selector)
+        })
+        .collect()
+}
+
+/// Values that a constant which the model is not linear in is tried at.
+fn constants(kind: &Kind, conditions: &Conditions) -> Vec<Option<f64>> {
+    let Some([low, high]) = conditions.time else {
+        return vec![None];
+    };
+    let span = high - low;
+    match kind.name {
+        "step-change" => (1..=STEPS)
+            .map(|i| Some(low + span * i as f64 / (STEPS + 1) as f64))
+            .collect(),
+        "warm-up" => [0.03, 0.06, 0.12, 0.25, 0.5]
+            .iter()
+            .map(|f| Some(span * f))
+            .collect(),
+        _ => vec![None],
+    }
+}
+
+fn set_constant(effects: &mut [Effect<'static, f64>], constant: Option<f64>) {
+    if let Some(value) = constant {
+        for effect in effects {
+            if let Some(first) = effect.model_mut().constants_mut().first_mut() {
+                *first = value;
+            }
+        }
+    }
+}

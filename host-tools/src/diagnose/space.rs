@@ -1,0 +1,221 @@
+//! The residual, and what candidates can take from it once everything that the model already
+//! has is allowed to readjust.
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+use super::hypothesis::{Hypothesis, Members};
+use super::significance::ln_p_of_f;
+use crate::identify::arm::ArmModel;
+use crate::identify::linearize::{Evaluator, Linear};
+use crate::identify::observation::{Observation, Sigmas};
+
+/// A plausible effect moves the tool by this much, root mean square over the rows, m.
+const PLAUSIBLE: f64 = 2e-3;
+
+/// Plausible amplitudes of a direction that would show by fewer standard deviations than
+/// this could not be seen in these poses: the direction is dropped.
+const SHOWS: f64 = 3.0;
+
+/// The linear problem after a fit: its residual and an orthonormal basis of what the fitted
+/// columns can express.
+pub struct Space {
+    /// Residual, orthogonal to the basis.
+    pub residual: DVector<f64>,
+    /// Orthonormal, equations x fitted unknowns.
+    pub basis: DMatrix<f64>,
+    /// Squared norm of the residual.
+    pub rss: f64,
+    /// Independent equations left for judging.
+    pub freedom: f64,
+    /// Equations that count as independent.
+    pub effective: f64,
+}
+
+/// Candidate columns, side by side.
+pub struct Columns {
+    /// Equations x all values of all candidates, each scaled to a plausible amplitude.
+    pub matrix: DMatrix<f64>,
+    /// First column and number of columns of each candidate.
+    pub groups: Vec<(usize, usize)>,
+}
+
+/// What one candidate would do.
+#[derive(Clone, Copy, Debug)]
+pub struct Score {
+    /// Reduction of the squared residual.
+    pub reduction: f64,
+    /// Directions that it does so with.
+    pub directions: f64,
+    /// Logarithm of the probability of that reduction by chance.
+    pub ln_p: f64,
+    /// Gain in N ln RSS less k ln N (BIC), without prior weights.
+    pub gain: f64,
+}
+
+impl Space {
+    /// After a fit with the columns of `linear`. Errors of several targets at one pose move
+    /// together, so a pose counts as at most six equations.
+    pub fn new(linear: &Linear, observations: &[&Observation]) -> Self {
+        let basis = linear.jacobian.clone().qr().q();
+        Self::on(basis, &linear.residual, observations)
+    }
+
+    fn on(basis: DMatrix<f64>, residual: &DVector<f64>, observations: &[&Observation]) -> Self {
+        let along = basis.tr_mul(residual);
+        let residual = residual - &basis * along;
+        let effective: usize = observations.iter().map(|o| o.equations().min(6)).sum();
+        let effective = effective as f64;
+        Self {
+            rss: residual.norm_squared(),
+            residual,
+            freedom: (effective - basis.ncols() as f64).max(1.0),
+            effective,
+            basis,
+        }
+    }
+
+    /// Scores of all candidates.
+    pub fn scores(&self, columns: &Columns) -> Vec<Score> {
+        let along = self.basis.transpose() * &columns.matrix;
+        let with_residual = columns.matrix.tr_mul(&self.residual);
+        columns
+            .groups
+            .iter()
+            .map(|&(start, len)| {
+                let e = columns.matrix.columns(start, len);
+                let w = along.columns(start, len);
+                let gram = e.tr_mul(&e) - w.tr_mul(&w);
+                let z = with_residual.rows(start, len).into_owned();
+                self.score(gram, &z)
+            })
+            .collect()
+    }
+
+    /// Score from the projected Gram matrix of a candidate and its products with the
+    /// residual.
+    fn score(&self, gram: DMatrix<f64>, z: &DVector<f64>) -> Score {
+        let (mut reduction, mut directions) = (0.0, 0.0);
+        let eigen = SymmetricEigen::new(gram);
+        for (value, vector) in eigen
+            .eigenvalues
+            .iter()
+            .zip(eigen.eigenvectors.column_iter())
+        {
+            if *value > SHOWS * SHOWS {
+                let along = vector.dot(z);
+                reduction += along * along / value;
+                directions += 1.0;
+            }
+        }
+        self.judge(reduction, directions)
+    }
+
+    /// Probability and gain of a reduction of the squared residual by `directions` columns.
+    pub fn judge(&self, reduction: f64, directions: f64) -> Score {
+        let left = (self.rss - reduction).max(self.rss * 1e-12).max(1e-300);
+        let denominator = (self.freedom - directions).max(1.0);
+        let f = (reduction / directions.max(1.0)) / (left / denominator);
+        let ln_p = if directions > 0.0 {
+            ln_p_of_f(f, directions, denominator)
+        } else {
+            0.0
+        };
+        Score {
+            reduction,
+            directions,
+            ln_p,
+            gain: self.effective * (self.rss / left).ln() - directions * self.effective.ln(),
+        }
+    }
+
+    /// The same problem with more fitted columns.
+    pub fn extended(&self, columns: &DMatrix<f64>, observations: &[&Observation]) -> Self {
+        let rest = columns - &self.basis * self.basis.tr_mul(columns);
+        let q = rest.qr().q();
+        let mut basis = DMatrix::zeros(self.basis.nrows(), self.basis.ncols() + q.ncols());
+        basis
+            .columns_mut(0, self.basis.ncols())
+            .copy_from(&self.basis);
+        basis
+            .columns_mut(self.basis.ncols(), q.ncols())
+            .copy_from(&q);
+        Self::on(basis, &self.residual, observations)
+    }
+
+    /// Largest cosine between directions of two candidates, beyond what the model has.
+    pub fn similarity(&self, a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
+        let orthonormal = |m: &DMatrix<f64>| {
+            let rest = m - &self.basis * self.basis.tr_mul(m);
+            let svd = rest.svd(true, false);
+            let largest = svd.singular_values.max();
+            let kept: Vec<usize> = (0..svd.singular_values.len())
+                .filter(|&i| svd.singular_values[i] > 1e-6 * largest.max(1e-12))
+                .collect();
+            svd.u.map(|u| u.select_columns(&kept))
+        };
+        match (orthonormal(a), orthonormal(b)) {
+            (Some(a), Some(b)) if a.ncols() > 0 && b.ncols() > 0 => {
+                a.tr_mul(&b).singular_values().max().min(1.0)
+            }
+            _ => 0.0,
+        }
+    }
+}
+
+/// Columns of all hypotheses at the arm as it is, whitened, each scaled to a plausible
+/// displacement of the tool.
+pub fn columns(
+    arm: &ArmModel,
+    hypotheses: &[&Hypothesis],
+    observations: &[&Observation],
+    sigmas: Sigmas,
+) -> Columns {
+    let rows: usize = observations.iter().map(|o| o.equations()).sum();
+    let mut groups = Vec::with_capacity(hypotheses.len());
+    let mut total = 0;
+    for hypothesis in hypotheses {
+        groups.push((total, hypothesis.len()));
+        total += hypothesis.len();
+    }
+    let mut matrix = DMatrix::zeros(rows, total);
+    let mut squares = vec![0.0; total];
+    let mut evaluator = Evaluator::new(arm, sigmas);
+    let mut start = 0;
+    for o in observations {
+        let end = start + o.equations();
+        evaluator.observe(o);
+        let mut column = 0;
+        for hypothesis in hypotheses {
+            match &hypothesis.members {
+                Members::EarlyReading => {
+                    let twist = evaluator.early_twist(o);
+                    let cells =
+                        &mut matrix.as_mut_slice()[column * rows + start..column * rows + end];
+                    evaluator.spread(o, &twist, cells);
+                    squares[column] += twist.linear.norm_squared();
+                    column += 1;
+                }
+                Members::Effects(effects) => {
+                    for effect in effects {
+                        let mut twists = Vec::with_capacity(4);
+                        evaluator.effect_twists(o, effect, |_, twist| twists.push(twist));
+                        for twist in twists {
+                            let cells = &mut matrix.as_mut_slice()
+                                [column * rows + start..column * rows + end];
+                            evaluator.spread(o, &twist, cells);
+                            squares[column] += twist.linear.norm_squared();
+                            column += 1;
+                        }
+                    }
+                }
+            }
+        }
+        start = end;
+    }
+    for (k, square) in squares.iter().enumerate() {
+        let rms = (square / observations.len().max(1) as f64).sqrt();
+        let scale = if rms > 1e-12 { PLAUSIBLE / rms } else { 0.0 };
+        matrix.column_mut(k).scale_mut(scale);
+    }
+    Columns { matrix, groups }
+}
