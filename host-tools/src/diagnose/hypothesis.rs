@@ -1,7 +1,7 @@
 //! What may be missing: every effect, joint and order that the data's columns allow.
 
 use truepose::JointKind;
-use truepose::effects::{Effect, KINDS, Kind, Needs, Selector};
+use truepose::effects::{Effect, KINDS, Kind, Needs, Selector, Wish};
 
 use crate::identify::arm::ArmModel;
 use crate::identify::observation::Observation;
@@ -89,6 +89,9 @@ impl Hypothesis {
 /// Highest order that is a candidate everywhere; the periodogram finds higher ones.
 const ORDERS: u32 = 12;
 
+/// Highest order of an axis that wobbles.
+const WOBBLES: u32 = 3;
+
 /// Places of a step in time and time constants of a warm-up that are tried; the best is
 /// refined afterwards.
 const STEPS: usize = 19;
@@ -146,6 +149,9 @@ pub fn hypotheses(arm: &ArmModel, observations: &[&Observation]) -> Vec<Hypothes
             families.push(family(kind, arm, &conditions));
         }
     }
+    if !conditions.masses {
+        families.push(levers(arm));
+    }
     if conditions.order {
         families.push(vec![Hypothesis {
             kind: "early-reading",
@@ -169,104 +175,130 @@ pub fn hypotheses(arm: &ArmModel, observations: &[&Observation]) -> Vec<Hypothes
 
 /// All joints, orders and components of one kind.
 fn family(kind: &'static Kind, arm: &ArmModel, conditions: &Conditions) -> Vec<Hypothesis> {
-    let n = arm.joint_count();
     let mut found = Vec::new();
-    let mut push = |selector: Selector, effects: Vec<Effect<'static, f64>>| {
-        let mut effects = effects;
-        for effect in &mut effects {
-            arm.attach(effect);
+    for j in 0..arm.joint_count() {
+        if !kind.joint || kind.only.is_some_and(|only| arm.joints[j].kind != only) {
+            continue;
         }
-        if !effects.is_empty() {
-            found.push(Hypothesis {
-                kind: kind.name,
-                joint: selector.joint,
-                order: if kind.order { selector.order } else { None },
-                from: selector.from,
-                members: Members::Effects(effects),
-                ln_weight: 0.0,
-            });
-        }
-    };
-    let named = |selector: &Selector| Effect::<f64>::named(kind.name, selector);
-    if kind.joint {
-        for j in 0..n {
-            let selector = Selector {
-                joint: Some(j),
-                ..Selector::default()
-            };
-            let revolute = arm.joints[j].kind == JointKind::Revolute;
-            if kind.order {
-                if revolute {
-                    let top = if kind.name == "gear-eccentricity" {
-                        ORDERS
-                    } else {
-                        3
-                    };
-                    for order in 1..=top {
+        let top = match kind.name {
+            _ if kind.order == Wish::No => 0,
+            _ if arm.joints[j].kind == JointKind::Prismatic => continue,
+            "gear-eccentricity" => ORDERS,
+            _ => WOBBLES,
+        };
+        let orders: Vec<Option<f64>> = match top {
+            0 => vec![None],
+            top => (1..=top).map(|order| Some(f64::from(order))).collect(),
+        };
+        let others: Vec<Option<usize>> = match kind.from {
+            Wish::Must => (0..arm.joint_count())
+                .filter(|&i| i != j)
+                .map(Some)
+                .collect(),
+            _ => vec![None],
+        };
+        // on a joint, a drift has one component: the joint's own
+        let components = if kind.base {
+            1
+        } else {
+            kind.components.len().max(1)
+        };
+        for &order in &orders {
+            for &from in &others {
+                for component in 0..components {
+                    for constant in constants(kind, conditions) {
                         let selector = Selector {
-                            order: Some(f64::from(order)),
-                            ..selector
+                            joint: Some(j),
+                            order,
+                            from,
+                            component: u8::try_from(component).ok(),
+                            ..Selector::default()
                         };
-                        push(selector, components(kind, &selector));
+                        found.extend(one(kind, arm, selector, &[selector], constant));
                     }
-                }
-            } else if kind.name == "joint-coupling" {
-                for from in (0..n).filter(|&i| i != j) {
-                    let selector = Selector {
-                        from: Some(from),
-                        ..selector
-                    };
-                    push(selector, named(&selector).into_iter().collect());
-                }
-            } else {
-                for constant in constants(kind, conditions) {
-                    let mut effects = components(kind, &selector);
-                    set_constant(&mut effects, constant);
-                    push(selector, effects);
                 }
             }
         }
+    }
+    let everywhere: Vec<Selector> = (0..arm.joint_count())
+        .map(|j| Selector {
+            joint: Some(j),
+            ..Selector::default()
+        })
+        .collect();
+    if matches!(
+        kind.name,
+        "joint-compliance" | "tool-load" | "cross-axis-compliance"
+    ) {
         // gravity acts on all joints at once
-        if matches!(
-            kind.name,
-            "joint-compliance" | "tool-load" | "cross-axis-compliance"
-        ) {
-            let all: Vec<_> = (0..n)
-                .filter_map(|j| {
-                    named(&Selector {
-                        joint: Some(j),
-                        ..Selector::default()
-                    })
-                })
-                .collect();
-            push(Selector::default(), all);
-        }
+        found.extend(one(kind, arm, Selector::default(), &everywhere, None));
     }
     if kind.base {
         // the base moves as a whole: all its components together
+        let selectors: Vec<Selector> = (0..kind.components.len().max(1))
+            .map(|c| Selector {
+                component: u8::try_from(c).ok(),
+                ..Selector::default()
+            })
+            .collect();
         for constant in constants(kind, conditions) {
-            let mut effects = components(kind, &Selector::default());
-            set_constant(&mut effects, constant);
-            push(Selector::default(), effects);
+            found.extend(one(kind, arm, Selector::default(), &selectors, constant));
         }
     }
     found
 }
 
-/// All components of a kind that go together.
-fn components(kind: &Kind, selector: &Selector) -> Vec<Effect<'static, f64>> {
-    if kind.components.is_empty() || (kind.base && selector.joint.is_some()) {
-        return Effect::named(kind.name, selector).into_iter().collect();
-    }
-    (0..kind.components.len())
-        .filter_map(|c| {
-            let selector = Selector {
-                component: u8::try_from(c).ok(),
-                ..*selector
+/// Free gravity levers of every joint, for arms whose masses are not known.
+fn levers(arm: &ArmModel) -> Vec<Hypothesis> {
+    let Some(kind) = Kind::of("joint-compliance") else {
+        return Vec::new();
+    };
+    let n = arm.joint_count();
+    (0..n)
+        .filter_map(|j| {
+            let selectors: Vec<Selector> = (j..n)
+                .map(|link| Selector {
+                    joint: Some(j),
+                    from: Some(link),
+                    ..Selector::default()
+                })
+                .collect();
+            let shown = Selector {
+                joint: Some(j),
+                ..Selector::default()
             };
-            Effect::named(kind.name, &selector)
+            one(kind, arm, shown, &selectors, None)
         })
         .collect()
+}
+
+/// The hypothesis of these effects together, `shown` as its joint, order and other joint.
+fn one(
+    kind: &'static Kind,
+    arm: &ArmModel,
+    shown: Selector,
+    selectors: &[Selector],
+    constant: Option<f64>,
+) -> Option<Hypothesis> {
+    let mut effects = Vec::new();
+    for selector in selectors {
+        let mut effect = Effect::named(kind.name, selector)?;
+        if let (Some(value), Some(first)) =
+            (constant, effect.model_mut().constants_mut().first_mut())
+        {
+            *first = value;
+        }
+        arm.attach(&mut effect);
+        effects.push(effect);
+    }
+    Some(Hypothesis {
+        kind: kind.name,
+        joint: shown.joint,
+        order: shown.order,
+        from: shown.from,
+        members: Members::Effects(effects),
+        ln_weight: 0.0,
+    })
 }
 
 /// Values that a constant which the model is not linear in is tried at.
@@ -284,15 +316,5 @@ fn constants(kind: &Kind, conditions: &Conditions) -> Vec<Option<f64>> {
             .map(|f| Some(span * f))
             .collect(),
         _ => vec![None],
-    }
-}
-
-fn set_constant(effects: &mut [Effect<'static, f64>], constant: Option<f64>) {
-    if let Some(value) = constant {
-        for effect in effects {
-            if let Some(first) = effect.model_mut().constants_mut().first_mut() {
-                *first = value;
-            }
-        }
     }
 }

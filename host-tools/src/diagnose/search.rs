@@ -15,7 +15,7 @@ use crate::identify::unknown::Unknown;
 const ALPHA: f64 = 0.01;
 
 /// Candidates that are cross-validated at each step before the search gives up.
-const TRIES: usize = 8;
+const TRIES: usize = 12;
 
 /// One candidate at the step that added it, or that looked for more.
 #[derive(Clone, Debug)]
@@ -189,8 +189,10 @@ impl<'a> Search<'a> {
             }
             let mut accepted = model.accepted.clone();
             accepted.push(candidate.clone());
-            let trial = self.fit(&model.arm, accepted)?;
-            if !sensible(&trial, trial.accepted.len() - 1) {
+            let fits = self
+                .fit(&model.arm, accepted)
+                .is_ok_and(|trial| sensible(&trial, trial.accepted.len() - 1));
+            if !fits {
                 refused.push(candidate.clone());
                 continue;
             }
@@ -288,8 +290,10 @@ impl<'a> Search<'a> {
                 if gain > 6.0 {
                     let mut accepted = model.accepted.clone();
                     accepted[index] = better.clone();
-                    let trial = self.fit(&model.arm, accepted)?;
-                    if sensible(&trial, index) && trial.fit.cost < model.fit.cost {
+                    if let Ok(trial) = self.fit(&model.arm, accepted)
+                        && sensible(&trial, index)
+                        && trial.fit.cost < model.fit.cost
+                    {
                         return Ok(Some(trial));
                     }
                 }

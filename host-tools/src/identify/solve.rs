@@ -168,8 +168,9 @@ pub fn solve(
             *arm = there_arm;
             here = there;
             damping = if damping > 1e-7 { damping * 0.1 } else { 0.0 };
-        } else if promised <= 1e-9 * here.cost {
-            // nothing to gain but rounding
+        } else if promised <= 1e-6 * here.cost {
+            // Nothing to gain: derivatives leave out how an effect of the posture changes with
+            // the geometry, so the promise need not vanish exactly where the cost is least.
             converged = true;
             break;
         } else {
