@@ -31,6 +31,9 @@ pub enum Members {
     Effects(Vec<Effect<'static, f64>>),
     /// Joints that were read before the arm had settled.
     EarlyReading,
+    /// The irregular curve of the joint, this smooth: standard deviation of its second
+    /// differences, rad.
+    Curve(f64),
 }
 
 impl Hypothesis {
@@ -51,7 +54,7 @@ impl Hypothesis {
     pub fn len(&self) -> usize {
         match &self.members {
             Members::Effects(effects) => effects.iter().map(|e| e.model().values().len()).sum(),
-            Members::EarlyReading => 1,
+            Members::EarlyReading | Members::Curve(_) => 1,
         }
     }
 
@@ -66,7 +69,7 @@ impl Hypothesis {
                 .iter()
                 .flat_map(|e| e.model().constants().to_vec())
                 .collect(),
-            Members::EarlyReading => Vec::new(),
+            Members::EarlyReading | Members::Curve(_) => Vec::new(),
         }
     }
 

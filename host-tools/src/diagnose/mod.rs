@@ -1,8 +1,10 @@
 //! From the residual to what the model lacks: is the input right, is something missing, and
 //! if so, what.
 
+pub mod curve;
 pub mod hypothesis;
 pub mod model;
+pub mod noise;
 pub mod periodogram;
 pub mod search;
 pub mod significance;

@@ -2,14 +2,18 @@
 
 use truepose::effects::Effect;
 
+use super::curve;
 use super::hypothesis::{Hypothesis, Members};
 use super::space::Space;
 use crate::identify::arm::ArmModel;
 use crate::identify::linearize::{Linear, linearize};
 use crate::identify::observation::{Observation, Sigmas};
-use crate::identify::solve::Solved;
+use crate::identify::solve::{Solved, distinguishable};
 use crate::identify::unknown::Unknown;
 use crate::identify::{Failure, fit};
+
+/// Gauss-Newton steps of curves with everything else; the second is already below the noise.
+const CURVE_STEPS: usize = 2;
 
 /// Geometry and accepted hypotheses, fitted together.
 #[derive(Clone)]
@@ -35,8 +39,16 @@ impl Extended {
         let mut unknowns = geometry.to_vec();
         arm.effects.clear();
         let mut early = false;
+        let before = std::mem::take(&mut arm.curves);
+        let mut smoothness = Vec::new();
         for hypothesis in &accepted {
             match &hypothesis.members {
+                Members::Curve(smooth) => {
+                    let joint = hypothesis.joint.unwrap_or(0);
+                    let known = before.iter().find(|c| c.joint == joint).cloned();
+                    arm.curves.push(known.unwrap_or_else(|| curve::flat(joint)));
+                    smoothness.push(*smooth);
+                }
                 Members::EarlyReading => {
                     early = true;
                     unknowns.push(Unknown::EarlyReading);
@@ -58,6 +70,15 @@ impl Extended {
             arm.early_reading = 0.0;
         }
         arm.bake();
+        if !arm.curves.is_empty() {
+            let kept = distinguishable(&arm, &unknowns, observations, sigmas).kept;
+            let kept: Vec<Unknown> = kept.iter().map(|&k| unknowns[k]).collect();
+            for _ in 0..CURVE_STEPS {
+                if !curve::step(&mut arm, &kept, &smoothness, observations, sigmas) {
+                    return Err(Failure::NotConverged);
+                }
+            }
+        }
         let (fit, _) = fit(&mut arm, &unknowns, observations, sigmas);
         if !fit.converged {
             return Err(Failure::NotConverged);

@@ -1,13 +1,18 @@
 //! Which effects: add the best, refit all, exchange, remove; until nothing passes.
 
+use truepose::JointKind;
+
+use super::curve;
 use super::hypothesis::{Hypothesis, Members, hypotheses};
 use super::model::Extended;
+use super::noise::estimated;
 use super::periodogram::peaks;
-use super::space::{Score, columns};
-use super::validate::{Blocks, compare, folds};
+use super::space::{Score, Space, columns};
+use super::validate::{Blocks, Comparison, compare, folds};
 use crate::identify::Failure;
 use crate::identify::arm::ArmModel;
 use crate::identify::gross::levers;
+use crate::identify::linearize::Linear;
 use crate::identify::observation::{Observation, Sigmas};
 use crate::identify::unknown::Unknown;
 
@@ -94,30 +99,55 @@ impl<'a> Search<'a> {
     }
 
     /// From the geometric fit on.
-    pub fn run(&self, arm: &ArmModel) -> Result<Found, Failure> {
+    ///
+    /// The residual's own size is the yardstick at every step: where much is missing, a
+    /// direction that the instrument could see is still drowned by what is missing.
+    pub fn run(&mut self, arm: &ArmModel) -> Result<Found, Failure> {
         let mut model = self.fit(arm, Vec::new())?;
+        self.weigh(&model);
         let mut steps: Vec<Step> = Vec::new();
         let mut refused: Vec<Hypothesis> = Vec::new();
-        while let Some(step) = self.best_addition(&model, &mut refused)? {
-            let mut accepted = model.accepted.clone();
-            accepted.push(step.hypothesis.clone());
-            model = self.fit(&model.arm, accepted)?;
-            model = self.pruned(model)?;
-            steps.push(step);
-            model = self.exchanged(model)?;
+        loop {
+            while let Some(step) = self.best_addition(&model, &mut refused)? {
+                let mut accepted = model.accepted.clone();
+                accepted.push(step.hypothesis.clone());
+                model = self.fit(&model.arm, accepted)?;
+                model = self.pruned(model);
+                self.weigh(&model);
+                steps.push(step);
+            }
+            let before = model.accepted.clone();
+            model = self.exchanged(model);
+            let same = before.len() == model.accepted.len()
+                && before
+                    .iter()
+                    .zip(&model.accepted)
+                    .all(|(a, b)| a.is_same(b));
+            if same || steps.len() > 4 * self.observations.len() {
+                break;
+            }
+            self.weigh(&model);
         }
         steps.retain(|s| model.accepted.iter().any(|h| h.is_same(&s.hypothesis)));
         Ok(Found { model, steps })
     }
 
+    fn weigh(&mut self, model: &Extended) {
+        let fitted = model.fit.unknowns.len();
+        self.sigmas = estimated(&model.arm, &self.observations, self.sigmas, fitted);
+    }
+
     /// Candidates that are not yet in the model, with the periodogram's.
-    fn candidates(&self, model: &Extended) -> Vec<Hypothesis> {
+    fn candidates(&self, model: &Extended, lines: bool) -> Vec<Hypothesis> {
         let mut candidates: Vec<Hypothesis> = self
             .hypotheses
             .iter()
             .filter(|h| !model.accepted.iter().any(|a| overlaps(a, h)))
             .cloned()
             .collect();
+        if !lines {
+            return candidates;
+        }
         candidates.extend(
             peaks(model, &self.observations, self.sigmas)
                 .into_iter()
@@ -141,7 +171,7 @@ impl<'a> Search<'a> {
         refused: &mut Vec<Hypothesis>,
     ) -> Result<Option<Step>, Failure> {
         let (linear, space) = model.space(&self.observations, self.sigmas);
-        let candidates = self.candidates(model);
+        let candidates = self.candidates(model, true);
         let references: Vec<&Hypothesis> = candidates.iter().collect();
         let columns = columns(&model.arm, &references, &self.observations, self.sigmas);
         let scores = space.scores(&columns);
@@ -178,7 +208,7 @@ impl<'a> Search<'a> {
                     &linear.jacobian,
                     &extra,
                     &space.residual,
-                    1.0,
+                    None,
                 )
             });
             let ratios = [0, 1, 2].map(|b| held_back[b].ratio());
@@ -196,6 +226,11 @@ impl<'a> Search<'a> {
                 refused.push(candidate.clone());
                 continue;
             }
+            if let Some(step) =
+                self.curve_instead(model, candidate, &linear, &space, &held_back[0], &ranking)
+            {
+                return Ok(Some(step));
+            }
             return Ok(Some(Step {
                 hypothesis: candidate.clone(),
                 ln_p: scores[i].ln_p - candidate.ln_weight,
@@ -206,8 +241,85 @@ impl<'a> Search<'a> {
         Ok(None)
     }
 
+    /// A joint's curve in place of a function of the same joint's reading, where it predicts
+    /// held-back rows better.
+    fn curve_instead(
+        &self,
+        model: &Extended,
+        candidate: &Hypothesis,
+        linear: &Linear,
+        space: &Space,
+        rival: &Comparison,
+        ranking: &[Ranked],
+    ) -> Option<Step> {
+        let joint = candidate.joint?;
+        let of_reading = matches!(
+            candidate.kind,
+            "gear-eccentricity" | "joint-gain" | "gear-ripple"
+        );
+        let has = model
+            .accepted
+            .iter()
+            .any(|h| h.kind == "joint-curve" && h.joint == Some(joint));
+        if !of_reading || has || model.arm.joints[joint].kind != JointKind::Revolute {
+            return None;
+        }
+        let extra = curve::columns(&model.arm, joint, &self.observations, self.sigmas);
+        let mut best: Option<(f64, Comparison)> = None;
+        for smooth in curve::SMOOTHNESS {
+            let prior = curve::precision(smooth);
+            let comparison = compare(
+                &self.observations,
+                &self.folds[0],
+                &linear.jacobian,
+                &extra,
+                &space.residual,
+                Some(&prior),
+            );
+            if best
+                .as_ref()
+                .is_none_or(|b| comparison.ratio() < b.1.ratio())
+            {
+                best = Some((smooth, comparison));
+            }
+        }
+        let (smooth, comparison) = best?;
+        let against = Comparison {
+            without: rival.with.clone(),
+            with: comparison.with.clone(),
+        };
+        if against.t() < 2.0 {
+            return None;
+        }
+        let prior = curve::precision(smooth);
+        let blocks = [1, 2].map(|b| {
+            compare(
+                &self.observations,
+                &self.folds[b],
+                &linear.jacobian,
+                &extra,
+                &space.residual,
+                Some(&prior),
+            )
+            .ratio()
+        });
+        (blocks[0] < 1.0 && blocks[1] < 1.0).then(|| Step {
+            hypothesis: Hypothesis {
+                kind: "joint-curve",
+                joint: Some(joint),
+                order: None,
+                from: None,
+                members: Members::Curve(smooth),
+                ln_weight: candidate.ln_weight,
+            },
+            ln_p: ranking.first().map_or(0.0, |r| r.ln_p),
+            held_back: [comparison.ratio(), blocks[0], blocks[1]],
+            ranking: ranking.to_vec(),
+        })
+    }
+
     /// Members of groups that do not earn their place leave it.
-    fn pruned(&self, mut model: Extended) -> Result<Extended, Failure> {
+    fn pruned(&self, mut model: Extended) -> Extended {
         for index in 0..model.accepted.len() {
             while model.effects_of(index).len() > 1 {
                 let Some(weakest) = self.weakest_member(&model, index) else {
@@ -221,10 +333,13 @@ impl<'a> Search<'a> {
                         group.joint = only.model().joint();
                     }
                 }
-                model = self.fit(&model.arm, accepted)?;
+                match self.fit(&model.arm, accepted) {
+                    Ok(smaller) => model = smaller,
+                    Err(_) => break,
+                }
             }
         }
-        Ok(model)
+        model
     }
 
     /// The member of a group that could go: it is not significant, or not sensible.
@@ -248,7 +363,8 @@ impl<'a> Search<'a> {
                 Some(sigma) => value.abs() / sigma.max(1e-300),
                 None => 0.0,
             };
-            let t = if within(hypothesis.kind, value) {
+            let unit = effect.model().parameters().first().map_or("", |p| p.1);
+            let t = if within(hypothesis.kind, unit, value) {
                 t
             } else {
                 t.min(0.1)
@@ -262,27 +378,30 @@ impl<'a> Search<'a> {
 
     /// Removes members that no longer pass, and exchanges a member for a substitute where
     /// that leaves less.
-    fn exchanged(&self, mut model: Extended) -> Result<Extended, Failure> {
+    fn exchanged(&self, mut model: Extended) -> Extended {
         for _ in 0..2 * model.accepted.len() {
-            match self.exchange_once(&model)? {
-                Some(better) => model = self.pruned(better)?,
+            match self.exchange_once(&model) {
+                Some(better) => model = self.pruned(better),
                 None => break,
             }
         }
-        Ok(model)
+        model
     }
 
-    fn exchange_once(&self, model: &Extended) -> Result<Option<Extended>, Failure> {
+    fn exchange_once(&self, model: &Extended) -> Option<Extended> {
         if model.accepted.len() < 2 {
-            return Ok(None);
+            return None;
         }
         for index in 0..model.accepted.len() {
-            let rivals = self.substitutes(model, index)?;
+            if matches!(model.accepted[index].members, Members::Curve(_)) {
+                continue;
+            }
+            let Ok(rivals) = self.substitutes(model, index) else {
+                continue;
+            };
             let own = rivals.own;
             if own.ln_p - model.accepted[index].ln_weight > ALPHA.ln() {
-                let mut accepted = model.accepted.clone();
-                accepted.remove(index);
-                return self.fit(&model.arm, accepted).map(Some);
+                return Some(rivals.without);
             }
             if let Some((better, score)) = rivals.others.first() {
                 let gain = score.gain + 2.0 * better.ln_weight
@@ -294,12 +413,12 @@ impl<'a> Search<'a> {
                         && sensible(&trial, index)
                         && trial.fit.cost < model.fit.cost
                     {
-                        return Ok(Some(trial));
+                        return Some(trial);
                     }
                 }
             }
         }
-        Ok(None)
+        None
     }
 
     /// What else could stand in the place of an accepted hypothesis, best first.
@@ -308,7 +427,7 @@ impl<'a> Search<'a> {
         let own = others.remove(index);
         let without = self.fit(&model.arm, others)?;
         let (_, space) = without.space(&self.observations, self.sigmas);
-        let mut candidates = self.candidates(&without);
+        let mut candidates = self.candidates(&without, false);
         candidates.retain(|c| !c.is_same(&own));
         candidates.push(own);
         let references: Vec<&Hypothesis> = candidates.iter().collect();
@@ -335,7 +454,7 @@ impl<'a> Search<'a> {
                 .map(|&i| (candidates[i].clone(), scores[i]))
                 .collect(),
             similarities,
-            rms_without: without,
+            without: without,
         })
     }
 }
@@ -349,7 +468,7 @@ pub struct Substitutes {
     /// Largest cosine between each and it, beyond what the model has.
     pub similarities: Vec<f64>,
     /// The model without it.
-    pub rms_without: Extended,
+    pub without: Extended,
 }
 
 /// Same kind on the same joint, so that both at once make no sense: other constants of one
@@ -364,7 +483,7 @@ fn overlaps(accepted: &Hypothesis, candidate: &Hypothesis) -> bool {
     let joints = |h: &Hypothesis| -> Vec<Option<usize>> {
         match &h.members {
             Members::Effects(effects) => effects.iter().map(|e| e.model().joint()).collect(),
-            Members::EarlyReading => vec![None],
+            Members::EarlyReading | Members::Curve(_) => vec![accepted.joint],
         }
     };
     if candidate.order.is_some() || candidate.from.is_some() {
@@ -382,19 +501,17 @@ fn depends_on_time(kind: &str) -> bool {
     )
 }
 
-/// Largest sensible value of a kind in its unit; `None` where there is no common bound.
-fn within(kind: &str, value: f64) -> bool {
-    match kind {
-        "joint-compliance"
-        | "cross-axis-compliance"
-        | "link-bending"
-        | "base-flex"
-        | "tool-load" => value.abs() < 1e-3,
-        "joint-gain" | "joint-coupling" => value.abs() < 2e-2,
-        "gear-eccentricity" | "backlash" | "early-reading" => value.abs() < 1e-2,
-        "gear-ripple" => value.abs() < 2e-3,
-        _ => true,
-    }
+/// Whether a value is one that a machine can have; `unit` in SI.
+fn within(kind: &str, unit: &str, value: f64) -> bool {
+    let bound = match (kind, unit) {
+        ("gear-ripple", _) => 2e-3,
+        ("thermal-growth", _) => 3e-4,
+        ("base-flex", _) => 2e-4,
+        (_, "rad" | "m") => 1e-2,
+        (_, "rad/(N m)") => 1e-3,
+        _ => 2e-2,
+    };
+    value.abs() < bound
 }
 
 /// Whether the fitted sizes are ones that a machine can have.
@@ -403,8 +520,11 @@ fn sensible(model: &Extended, index: usize) -> bool {
         return false;
     };
     let effects = model.effects_of(index);
+    if matches!(hypothesis.members, Members::Curve(_)) {
+        return true;
+    }
     if effects.is_empty() {
-        return within("early-reading", model.arm.early_reading);
+        return within("early-reading", "rad", model.arm.early_reading);
     }
     // groups are pruned one by one
     let offset: usize = (0..index).map(|i| model.effects_of(i).len()).sum();
@@ -426,7 +546,8 @@ fn sensible(model: &Extended, index: usize) -> bool {
                         value,
                     })
                     .unwrap_or(0.0);
-                within(hypothesis.kind, *v) && !(stiff && *v < -3.0 * sigma)
+                let unit = effect.model().parameters().get(value).map_or("", |p| p.1);
+                within(hypothesis.kind, unit, *v) && !(stiff && *v < -3.0 * sigma)
             })
     });
     if effects.len() > 1 {

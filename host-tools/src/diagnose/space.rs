@@ -187,6 +187,7 @@ pub fn columns(
         let mut column = 0;
         for hypothesis in hypotheses {
             match &hypothesis.members {
+                Members::Curve(_) => column += 1,
                 Members::EarlyReading => {
                     let twist = evaluator.early_twist(o);
                     let cells =

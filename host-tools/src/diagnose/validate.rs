@@ -111,15 +111,16 @@ impl Comparison {
 }
 
 /// Refits `base` columns alone, and with `extra`, on all folds but one, and predicts that
-/// one. `prior`: ridge on every column in squared units of the scaled columns, so that a
-/// direction that the remaining rows do not show stays at the drawing.
+/// one. A direction that the remaining rows do not show stays at the drawing: one unit of
+/// every scaled column counts as one standard deviation. `prior`: inverse covariance of the
+/// extra columns, where that is not theirs.
 pub fn compare(
     observations: &[&Observation],
     fold: &[usize],
     base: &DMatrix<f64>,
     extra: &DMatrix<f64>,
     residual: &DVector<f64>,
-    prior: f64,
+    prior: Option<&DMatrix<f64>>,
 ) -> Comparison {
     let (p, k) = (base.ncols(), extra.ncols());
     let count = fold.iter().max().map_or(0, |m| m + 1);
@@ -160,8 +161,16 @@ pub fn compare(
         let rest = &total - &grams[f];
         let predict = |n: usize| {
             let mut normal = rest.view((0, 0), (n, n)).into_owned();
-            for i in 0..n {
-                normal[(i, i)] += prior;
+            for i in 0..n.min(p) {
+                normal[(i, i)] += 1.0;
+            }
+            for i in p..n {
+                for j in p..n {
+                    normal[(i, j)] += match prior {
+                        Some(prior) => prior[(i - p, j - p)],
+                        None => f64::from(u8::from(i == j)),
+                    };
+                }
             }
             let right = rest.view((0, p + k), (n, 1)).into_owned();
             let solution = normal

@@ -1,9 +1,38 @@
 //! The arm under identification: its description and the baked form that is evaluated.
 
 use nalgebra::Vector3;
-use truepose::effects::{Description, Effect};
+use truepose::effects::{Description, Effect, hat};
 use truepose::jacobian::{AttachedTwist, Attachment, carried, parameter_twists};
 use truepose::{Arm, BakedJoint, Gauge, Joint, LinkMass, Parameter, Pose, Twist, bake};
+
+/// The irregular error of a revolute joint's own angle as a periodic table of a turn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// Joint, from 0.
+    pub joint: usize,
+    /// One a cell, cell 0 at zero reading, rad; NaN where nothing was measured nearby.
+    pub values: Vec<f64>,
+}
+
+impl Curve {
+    /// The two cells that a reading lies between, and their weights.
+    pub fn cells(&self, q: f64) -> [(usize, f64); 2] {
+        let density = self.values.len() as f64 / std::f64::consts::TAU;
+        match hat(q, density, self.values.len()) {
+            Some(h) => [(h.index, 1.0 - h.fraction), (h.next, h.fraction)],
+            None => [(0, 0.0), (0, 0.0)],
+        }
+    }
+
+    /// What it adds to the reading, rad.
+    pub fn at(&self, q: f64) -> f64 {
+        let weighted = |(cell, weight): (usize, f64)| match self.values.get(cell) {
+            Some(value) if value.is_finite() => value * weight,
+            _ => 0.0,
+        };
+        self.cells(q).into_iter().map(weighted).sum()
+    }
+}
 
 /// A described arm with everything that measuring it adds, and its baked form.
 #[derive(Clone, Debug)]
@@ -27,6 +56,8 @@ pub struct ArmModel {
     /// Joints read before the arm had settled: what the joint that moved farthest still
     /// lacked, rad or m. A fault of the recording, never of the arm.
     pub early_reading: f64,
+    /// Curves of joints while they are being identified, evaluated on the readings.
+    pub curves: Vec<Curve>,
     baked: Vec<BakedJoint<f64>>,
     gauges: Vec<Gauge<f64>>,
     baked_tool: Pose<f64>,
@@ -54,6 +85,7 @@ impl ArmModel {
             anchor: Vector3::zeros(),
             effects: Vec::new(),
             early_reading: 0.0,
+            curves: Vec::new(),
             baked: vec![BakedJoint::identity(); count],
             gauges: vec![Pose::identity(); count],
             baked_tool: Pose::identity(),

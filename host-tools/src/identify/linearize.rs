@@ -105,15 +105,18 @@ impl<'a> Evaluator<'a> {
     /// Moves to an observation.
     pub fn observe(&mut self, o: &Observation) -> Pose<f64> {
         let early = self.arm.early_reading;
-        if early.abs() < f64::MIN_POSITIVE {
+        if early.abs() < f64::MIN_POSITIVE && self.arm.curves.is_empty() {
             return self.go(o.session, &o.q, &o.direction, &o.ambient);
         }
-        let settled: Vec<f64> =
+        let mut q: Vec<f64> =
             o.q.iter()
                 .zip(&o.travel)
                 .map(|(q, d)| q + early * d)
                 .collect();
-        self.go(o.session, &settled, &o.direction, &o.ambient)
+        for curve in &self.arm.curves {
+            q[curve.joint] += curve.at(o.q[curve.joint]);
+        }
+        self.go(o.session, &q, &o.direction, &o.ambient)
     }
 
     /// Displacement of the tool per unit of what the joints lacked when they were read.

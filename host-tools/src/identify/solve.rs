@@ -127,6 +127,57 @@ pub fn distinguishable(
     select(&triangle.r, VISIBLE, 1e-9)
 }
 
+/// Whether effects have a prior.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Prior {
+    /// Data alone.
+    None,
+    /// Values of effects are expected within what machines have, as one more measurement
+    /// each (linear minimum variance, MRD 4.3.2): what the data do not show stays small.
+    Effects,
+}
+
+impl Prior {
+    /// Standard deviation expected of an unknown, in its unit.
+    fn deviation(self, unknown: Unknown, arm: &ArmModel) -> Option<f64> {
+        match (self, unknown) {
+            (Self::Effects, Unknown::Effect { .. } | Unknown::EarlyReading) => {
+                Some(match unknown.unit(arm) {
+                    "rad" | "m" => 3e-3,
+                    "rad/(N m)" => 3e-4,
+                    "m/N" => 1e-6,
+                    _ => 1e-2,
+                })
+            }
+            _ => None,
+        }
+    }
+
+    /// Adds the prior's share to the normal equations.
+    fn add(self, normal: &mut Normal, arm: &ArmModel, unknowns: &[Unknown], scales: &[f64]) {
+        for (k, (unknown, scale)) in unknowns.iter().zip(scales).enumerate() {
+            if let Some(deviation) = self.deviation(*unknown, arm) {
+                let value = unknown.value(arm) / deviation;
+                normal.matrix[(k, k)] += (scale / deviation).powi(2);
+                normal.gradient[k] -= value * scale / deviation;
+                normal.cost += value * value;
+            }
+        }
+    }
+
+    /// The same as rows of the factorisation.
+    fn push(self, triangle: &mut Triangle, arm: &ArmModel, unknowns: &[Unknown], scales: &[f64]) {
+        for (k, (unknown, scale)) in unknowns.iter().zip(scales).enumerate() {
+            if let Some(deviation) = self.deviation(*unknown, arm) {
+                let mut row = DMatrix::zeros(1, unknowns.len());
+                row[(0, k)] = scale / deviation;
+                let value = DVector::from_element(1, -unknown.value(arm) / deviation);
+                triangle.push(&row, &value);
+            }
+        }
+    }
+}
+
 /// Fits `unknowns`, all of which the observations must be able to tell apart. On return `arm`
 /// holds the solution.
 pub fn solve(
@@ -134,9 +185,11 @@ pub fn solve(
     unknowns: &[Unknown],
     observations: &[&Observation],
     sigmas: Sigmas,
+    prior: Prior,
 ) -> Solved {
     let scales = scales(arm, unknowns);
     let mut here = normal(arm, unknowns, &scales, observations, sigmas);
+    prior.add(&mut here, arm, unknowns, &scales);
     let mut damping = 0.0_f64;
     let mut iterations = 1;
     let mut converged = false;
@@ -162,7 +215,8 @@ pub fn solve(
         let mut there_arm = arm.clone();
         let moved: Vec<f64> = step.iter().zip(&scales).map(|(x, s)| x * s).collect();
         apply(&mut there_arm, unknowns, &moved);
-        let there = normal(&there_arm, unknowns, &scales, observations, sigmas);
+        let mut there = normal(&there_arm, unknowns, &scales, observations, sigmas);
+        prior.add(&mut there, &there_arm, unknowns, &scales);
         iterations += 1;
         if there.cost <= here.cost {
             *arm = there_arm;
@@ -181,7 +235,7 @@ pub fn solve(
         }
     }
     // Last step and covariance from an orthogonal factorisation.
-    let last = match &here.only {
+    let mut last = match &here.only {
         Some(linear) => {
             let mut triangle = Triangle::new(unknowns.len());
             triangle.push(&linear.jacobian, &linear.residual);
@@ -189,6 +243,7 @@ pub fn solve(
         }
         None => triangle(arm, unknowns, &scales, observations, sigmas),
     };
+    prior.push(&mut last, arm, unknowns, &scales);
     let mut cost = here.cost;
     if converged && let Some(step) = last.step() {
         let mut polished = arm.clone();

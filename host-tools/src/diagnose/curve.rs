@@ -1,0 +1,190 @@
+//! Joint curves: many cells with a prior, identified together with everything else.
+//!
+//! A curve has no single order, and a list of harmonics goes wild in angles that were not
+//! measured. A table whose second differences and values are held near zero by a prior goes
+//! quietly to zero there. Every row touches two cells of each curve, so the normal equations
+//! are gathered row by row and the prior keeps them well conditioned.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::identify::arm::{ArmModel, Curve};
+use crate::identify::linearize::{Evaluator, linearize};
+use crate::identify::observation::{Observation, Sigmas};
+use crate::identify::unknown::{Unknown, apply};
+
+/// Cells of a turn: 2 degrees each.
+pub const CELLS: usize = 180;
+
+/// Standard deviation of a cell's value, rad.
+const VALUE: f64 = 7e-4;
+
+/// Standard deviations of second differences that are tried, rad.
+pub const SMOOTHNESS: [f64; 3] = [5e-5, 1.5e-4, 4.5e-4];
+
+/// A cell farther than this many cells from any reading was not measured.
+const REACH: usize = 3;
+
+/// A curve that is zero so far.
+pub fn flat(joint: usize) -> Curve {
+    Curve {
+        joint,
+        values: vec![0.0; CELLS],
+    }
+}
+
+/// Inverse covariance of the cells of one curve.
+pub fn precision(smoothness: f64) -> DMatrix<f64> {
+    let mut p = DMatrix::identity(CELLS, CELLS) / (VALUE * VALUE);
+    let weight = 1.0 / (smoothness * smoothness);
+    for i in 0..CELLS {
+        let cells = [(i + CELLS - 1) % CELLS, i, (i + 1) % CELLS];
+        let difference = [1.0, -2.0, 1.0];
+        for (a, x) in cells.iter().zip(difference) {
+            for (b, y) in cells.iter().zip(difference) {
+                p[(*a, *b)] += weight * x * y;
+            }
+        }
+    }
+    p
+}
+
+/// Whitened columns of the cells of one curve, per rad.
+pub fn columns(
+    arm: &ArmModel,
+    joint: usize,
+    observations: &[&Observation],
+    sigmas: Sigmas,
+) -> DMatrix<f64> {
+    let curve = flat(joint);
+    let rows: usize = observations.iter().map(|o| o.equations()).sum();
+    let mut matrix = DMatrix::zeros(rows, CELLS);
+    let mut evaluator = Evaluator::new(arm, sigmas);
+    let mut start = 0;
+    for o in observations {
+        let n = o.equations();
+        evaluator.observe(o);
+        let mut column = vec![0.0; n];
+        evaluator.spread(o, &evaluator.joint_twist(joint), &mut column);
+        for (cell, weight) in curve.cells(o.q[joint]) {
+            for (row, x) in column.iter().enumerate() {
+                matrix[(start + row, cell)] += weight * x;
+            }
+        }
+        start += n;
+    }
+    matrix
+}
+
+/// One Gauss-Newton step of `unknowns` and all curves of the arm together. `smoothness`: one
+/// a curve. Returns false, and leaves the arm alone, where the equations have no solution.
+pub fn step(
+    arm: &mut ArmModel,
+    unknowns: &[Unknown],
+    smoothness: &[f64],
+    observations: &[&Observation],
+    sigmas: Sigmas,
+) -> bool {
+    let p = unknowns.len();
+    let curves = arm.curves.len();
+    let total = p + curves * CELLS;
+    let scales: Vec<f64> = unknowns.iter().map(|u| u.expected(arm)).collect();
+    let mut normal = DMatrix::<f64>::zeros(total, total);
+    let mut right = DVector::<f64>::zeros(total);
+    for block in observations.chunks(512) {
+        let linear = linearize(arm, unknowns, &scales, block, sigmas);
+        let rows = linear.residual.len();
+        let transposed = linear.jacobian.transpose();
+        let dense = &transposed * &linear.jacobian;
+        let mut corner = normal.view_mut((0, 0), (p, p));
+        corner += dense;
+        let mut head = right.rows_mut(0, p);
+        head += &transposed * &linear.residual;
+        let mut evaluator = Evaluator::new(arm, sigmas);
+        let mut start = 0;
+        let mut joint_columns = vec![Vec::new(); curves];
+        for o in block {
+            let n = o.equations();
+            evaluator.observe(o);
+            for (column, curve) in joint_columns.iter_mut().zip(&arm.curves) {
+                column.resize(n, 0.0);
+                evaluator.spread(o, &evaluator.joint_twist(curve.joint), column);
+            }
+            let residual = &linear.residual.as_slice()[start..start + n];
+            for (c, curve) in arm.curves.iter().enumerate() {
+                let own = &joint_columns[c];
+                let dot =
+                    |other: &[f64]| -> f64 { own.iter().zip(other).map(|(a, b)| a * b).sum() };
+                let cells = curve.cells(o.q[curve.joint]);
+                for (cell, weight) in cells {
+                    right[p + c * CELLS + cell] += weight * dot(residual);
+                }
+                for k in 0..p {
+                    let column = &linear.jacobian.as_slice()[k * rows + start..][..n];
+                    let product = dot(column);
+                    for (cell, weight) in cells {
+                        normal[(p + c * CELLS + cell, k)] += weight * product;
+                    }
+                }
+                for (d, other) in arm.curves.iter().enumerate().take(c + 1) {
+                    let product = dot(&joint_columns[d]);
+                    for (cell, weight) in cells {
+                        for (there, weight_there) in other.cells(o.q[other.joint]) {
+                            normal[(p + c * CELLS + cell, p + d * CELLS + there)] +=
+                                weight * weight_there * product;
+                        }
+                    }
+                }
+            }
+            start += n;
+        }
+    }
+    for (c, (curve, &smooth)) in arm.curves.iter().zip(smoothness).enumerate() {
+        let prior = precision(smooth);
+        let present = DVector::from_iterator(
+            CELLS,
+            curve
+                .values
+                .iter()
+                .map(|v| if v.is_finite() { *v } else { 0.0 }),
+        );
+        let pull = &prior * present;
+        for i in 0..CELLS {
+            right[p + c * CELLS + i] -= pull[i];
+            for j in 0..CELLS {
+                normal[(p + c * CELLS + i, p + c * CELLS + j)] += prior[(i, j)];
+            }
+        }
+    }
+    // the lower triangle is what the factorisation reads
+    let Some(factor) = normal.cholesky() else {
+        return false;
+    };
+    let delta = factor.solve(&right);
+    let moved: Vec<f64> = (0..p).map(|k| delta[k] * scales[k]).collect();
+    for (c, curve) in arm.curves.iter_mut().enumerate() {
+        for (cell, value) in curve.values.iter_mut().enumerate() {
+            let from = if value.is_finite() { *value } else { 0.0 };
+            *value = from + delta[p + c * CELLS + cell];
+        }
+        forget_unmeasured(curve, observations);
+    }
+    apply(arm, unknowns, &moved);
+    true
+}
+
+/// Cells far from every reading carry nothing but the prior: they are marked as not measured.
+fn forget_unmeasured(curve: &mut Curve, observations: &[&Observation]) {
+    let mut near = vec![false; CELLS];
+    for o in observations {
+        for (cell, _) in curve.cells(o.q[curve.joint]) {
+            for offset in 0..=2 * REACH {
+                near[(cell + CELLS + offset - REACH) % CELLS] = true;
+            }
+        }
+    }
+    for (value, near) in curve.values.iter_mut().zip(near) {
+        if !near {
+            *value = f64::NAN;
+        }
+    }
+}
