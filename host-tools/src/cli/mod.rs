@@ -7,6 +7,7 @@
 //! before all of it is there.
 
 mod compensate;
+mod diagnose;
 mod identify;
 mod inspect;
 mod options;
@@ -38,6 +39,7 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Identify(identify::Options),
+    Diagnose(diagnose::Options),
     Predict(predict::Options),
     Compensate(compensate::Options),
     Verify(verify::Options),
@@ -69,6 +71,7 @@ pub(crate) struct Outcome {
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
     let mut files = match &arguments.command {
         Command::Identify(options) => identify::files(options),
+        Command::Diagnose(options) => diagnose::files(options),
         Command::Predict(options) => predict::files(options),
         Command::Compensate(options) => compensate::files(options),
         Command::Verify(options) => verify::files(options),
@@ -79,6 +82,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
     output::check(&files.outputs, &files.inputs)?;
     let mut outcome = match &arguments.command {
         Command::Identify(options) => identify::run(options),
+        Command::Diagnose(options) => diagnose::run(options),
         Command::Predict(options) => predict::run(options),
         Command::Compensate(options) => compensate::run(options),
         Command::Verify(options) => verify::run(options),

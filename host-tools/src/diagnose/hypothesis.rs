@@ -229,10 +229,7 @@ fn family(kind: &'static Kind, arm: &ArmModel, conditions: &Conditions) -> Vec<H
             ..Selector::default()
         })
         .collect();
-    if matches!(
-        kind.name,
-        "joint-compliance" | "tool-load" | "cross-axis-compliance"
-    ) {
+    if matches!(kind.name, "joint-compliance" | "tool-load") {
         // gravity acts on all joints at once
         found.extend(one(kind, arm, Selector::default(), &everywhere, None));
     }

@@ -6,8 +6,11 @@ pub mod hypothesis;
 pub mod model;
 pub mod noise;
 pub mod periodogram;
+mod run;
 pub mod search;
 pub mod significance;
 pub mod space;
 pub mod validate;
 pub mod whiteness;
+
+pub use run::{Diagnosis, Named, Rival, diagnose};

@@ -8,7 +8,7 @@ use super::space::Space;
 use crate::identify::arm::ArmModel;
 use crate::identify::linearize::{Linear, linearize};
 use crate::identify::observation::{Observation, Sigmas};
-use crate::identify::solve::{Solved, distinguishable};
+use crate::identify::solve::{Prior, Solved, distinguishable};
 use crate::identify::unknown::Unknown;
 use crate::identify::{Failure, fit};
 
@@ -75,13 +75,13 @@ impl Extended {
             let kept: Vec<Unknown> = kept.iter().map(|&k| unknowns[k]).collect();
             for _ in 0..CURVE_STEPS {
                 if !curve::step(&mut arm, &kept, &smoothness, observations, sigmas) {
-                    return Err(Failure::NotConverged);
+                    return Err(Failure::NotConverged(0.0));
                 }
             }
         }
-        let (fit, _) = fit(&mut arm, &unknowns, observations, sigmas);
+        let (fit, _) = fit(&mut arm, &unknowns, observations, sigmas, Prior::Effects);
         if !fit.converged {
-            return Err(Failure::NotConverged);
+            return Err(Failure::NotConverged(fit.variance().sqrt()));
         }
         let mut extended = Self { arm, accepted, fit };
         extended.take_values();

@@ -22,6 +22,9 @@ const ALPHA: f64 = 0.01;
 /// Candidates that are cross-validated at each step before the search gives up.
 const TRIES: usize = 12;
 
+/// Exchanges and removals after one series of additions.
+const EXCHANGES: usize = 4;
+
 /// One candidate at the step that added it, or that looked for more.
 #[derive(Clone, Debug)]
 pub struct Ranked {
@@ -56,6 +59,8 @@ pub struct Search<'a> {
     pub geometry: Vec<Unknown>,
     /// Candidates.
     pub hypotheses: Vec<Hypothesis>,
+    /// Candidates that fit only with sizes that no machine has.
+    refused: Vec<Hypothesis>,
     folds: [Vec<usize>; 3],
 }
 
@@ -80,6 +85,7 @@ impl<'a> Search<'a> {
             .map(|blocks| folds(&observations, &levers, blocks));
         Self {
             hypotheses: hypotheses(arm, &observations),
+            refused: Vec::new(),
             folds,
             observations,
             sigmas,
@@ -98,22 +104,22 @@ impl<'a> Search<'a> {
         )
     }
 
-    /// From the geometric fit on.
+    /// From the geometric fit on; `progress` is told every addition.
     ///
     /// The residual's own size is the yardstick at every step: where much is missing, a
     /// direction that the instrument could see is still drowned by what is missing.
-    pub fn run(&mut self, arm: &ArmModel) -> Result<Found, Failure> {
+    pub fn run(&mut self, arm: &ArmModel, progress: &dyn Fn(&str)) -> Result<Found, Failure> {
         let mut model = self.fit(arm, Vec::new())?;
         self.weigh(&model);
         let mut steps: Vec<Step> = Vec::new();
-        let mut refused: Vec<Hypothesis> = Vec::new();
         loop {
-            while let Some(step) = self.best_addition(&model, &mut refused)? {
+            while let Some(step) = self.best_addition(&model)? {
                 let mut accepted = model.accepted.clone();
                 accepted.push(step.hypothesis.clone());
                 model = self.fit(&model.arm, accepted)?;
                 model = self.pruned(model);
                 self.weigh(&model);
+                progress(&step.hypothesis.label());
                 steps.push(step);
             }
             let before = model.accepted.clone();
@@ -143,6 +149,7 @@ impl<'a> Search<'a> {
             .hypotheses
             .iter()
             .filter(|h| !model.accepted.iter().any(|a| overlaps(a, h)))
+            .filter(|h| !self.refused.iter().any(|r| r.is_same(h)))
             .cloned()
             .collect();
         if !lines {
@@ -165,11 +172,7 @@ impl<'a> Search<'a> {
 
     /// The best candidate that is significant among all, lowers the held-back error, and has
     /// a sensible size; `None` where nothing passes.
-    fn best_addition(
-        &self,
-        model: &Extended,
-        refused: &mut Vec<Hypothesis>,
-    ) -> Result<Option<Step>, Failure> {
+    fn best_addition(&mut self, model: &Extended) -> Result<Option<Step>, Failure> {
         let (linear, space) = model.space(&self.observations, self.sigmas);
         let candidates = self.candidates(model, true);
         let references: Vec<&Hypothesis> = candidates.iter().collect();
@@ -192,9 +195,6 @@ impl<'a> Search<'a> {
         let mut tried = 0;
         for i in order {
             let candidate = &candidates[i];
-            if refused.iter().any(|r| r.is_same(candidate)) {
-                continue;
-            }
             if tried == TRIES {
                 break;
             }
@@ -223,7 +223,7 @@ impl<'a> Search<'a> {
                 .fit(&model.arm, accepted)
                 .is_ok_and(|trial| sensible(&trial, trial.accepted.len() - 1));
             if !fits {
-                refused.push(candidate.clone());
+                self.refused.push(candidate.clone());
                 continue;
             }
             if let Some(step) =
@@ -345,10 +345,7 @@ impl<'a> Search<'a> {
     /// The member of a group that could go: it is not significant, or not sensible.
     fn weakest_member(&self, model: &Extended, index: usize) -> Option<usize> {
         let hypothesis = model.accepted.get(index)?;
-        if !matches!(
-            hypothesis.kind,
-            "joint-compliance" | "tool-load" | "cross-axis-compliance"
-        ) {
+        if !matches!(hypothesis.kind, "joint-compliance" | "tool-load") {
             return None;
         }
         let offset: usize = (0..index).map(|i| model.effects_of(i).len()).sum();
@@ -379,7 +376,7 @@ impl<'a> Search<'a> {
     /// Removes members that no longer pass, and exchanges a member for a substitute where
     /// that leaves less.
     fn exchanged(&self, mut model: Extended) -> Extended {
-        for _ in 0..2 * model.accepted.len() {
+        for _ in 0..EXCHANGES {
             match self.exchange_once(&model) {
                 Some(better) => model = self.pruned(better),
                 None => break,
@@ -525,6 +522,10 @@ fn sensible(model: &Extended, index: usize) -> bool {
     }
     if effects.is_empty() {
         return within("early-reading", "rad", model.arm.early_reading);
+    }
+    let zero = |v: &f64| v.abs() < f64::MIN_POSITIVE;
+    if effects.iter().all(|e| e.model().values().iter().all(zero)) {
+        return false;
     }
     // groups are pruned one by one
     let offset: usize = (0..index).map(|i| model.effects_of(i).len()).sum();

@@ -29,7 +29,7 @@ pub use failure::{Failure, ROWS_A_SESSION};
 use gross::gross;
 use observation::{Observation, Sigmas};
 use problem::Problem;
-use solve::{Solved, distinguishable, solve};
+use solve::{Prior, Solved, distinguishable, solve};
 use structure::{Structure, structure};
 use unknown::Unknown;
 
@@ -94,10 +94,11 @@ pub(crate) fn fit(
     candidates: &[Unknown],
     observations: &[&Observation],
     sigmas: Sigmas,
+    prior: Prior,
 ) -> (Solved, Vec<(Unknown, Dropped)>) {
     let selection = distinguishable(arm, candidates, observations, sigmas);
     let kept: Vec<Unknown> = selection.kept.iter().map(|&k| candidates[k]).collect();
-    let fit = solve(arm, &kept, observations, sigmas);
+    let fit = solve(arm, &kept, observations, sigmas, prior);
     let dropped = selection
         .dropped
         .into_iter()
@@ -106,10 +107,14 @@ pub(crate) fn fit(
     (fit, dropped)
 }
 
-/// Unknowns of geometry and placement that a calibration was fitted with.
-pub fn placement_unknowns(problem: &Problem, calibration: &Calibration) -> Vec<Unknown> {
+/// Unknowns of geometry and placement, in order of priority.
+pub fn geometry(problem: &Problem, calibration: &Calibration) -> Vec<Unknown> {
+    with_joints(problem, &calibration.structure)
+}
+
+fn with_joints(problem: &Problem, structure: &Structure) -> Vec<Unknown> {
     let mut candidates = placement(problem);
-    for unknown in &calibration.structure.unknowns {
+    for unknown in &structure.unknowns {
         if !candidates.contains(unknown) {
             candidates.push(*unknown);
         }
@@ -137,7 +142,13 @@ pub fn align(problem: &Problem) -> Result<Stage, Failure> {
         let mut arm = problem.drawing.clone();
         arm.targets = problem.target_offsets.clone();
         first_guess(&mut arm, &observations, guess, problem.sessions.len());
-        let (fit, _) = fit(&mut arm, &candidates, &observations, problem.sigmas);
+        let (fit, _) = fit(
+            &mut arm,
+            &candidates,
+            &observations,
+            problem.sigmas,
+            Prior::None,
+        );
         let better = best.as_ref().is_none_or(|b| fit.cost < b.fit.cost);
         if better && fit.cost.is_finite() {
             let stage = Stage { arm, fit };
@@ -188,12 +199,7 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
     turn_tool_to_targets(&mut nominal.arm, &problem.target_offsets);
 
     let structure = structure(&nominal.arm, problem.sigmas);
-    let mut candidates = placement(problem);
-    for unknown in &structure.unknowns {
-        if !candidates.contains(unknown) {
-            candidates.push(*unknown);
-        }
-    }
+    let mut candidates = with_joints(problem, &structure);
     if equations < candidates.len() {
         return Err(Failure::TooFewEquations(equations, candidates.len()));
     }
@@ -202,7 +208,13 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
     let mut kept_rows = all.clone();
     let mut left_out: Vec<usize> = Vec::new();
     let mut geometric = nominal.arm.clone();
-    let (mut solved, mut dropped) = fit(&mut geometric, &candidates, &kept_rows, problem.sigmas);
+    let (mut solved, mut dropped) = fit(
+        &mut geometric,
+        &candidates,
+        &kept_rows,
+        problem.sigmas,
+        Prior::None,
+    );
     for _ in 0..5 {
         let worst = gross(&geometric, &all, problem.sigmas);
         if worst == left_out {
@@ -213,7 +225,13 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
             .map(|i| all[i])
             .collect();
         left_out = worst;
-        (solved, dropped) = fit(&mut geometric, &candidates, &kept_rows, problem.sigmas);
+        (solved, dropped) = fit(
+            &mut geometric,
+            &candidates,
+            &kept_rows,
+            problem.sigmas,
+            Prior::None,
+        );
     }
     turn_tool_to_targets(&mut geometric, &problem.target_offsets);
     if !solved.converged {
@@ -236,7 +254,13 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
                 (0..e.model().values().len()).map(|value| Unknown::Effect { effect, value }),
             );
         }
-        let (fit, also) = fit(&mut arm, &with_effects, &kept_rows, problem.sigmas);
+        let (fit, also) = fit(
+            &mut arm,
+            &with_effects,
+            &kept_rows,
+            problem.sigmas,
+            Prior::None,
+        );
         if !fit.converged {
             return Err(Failure::NotConverged(fit.variance().sqrt()));
         }

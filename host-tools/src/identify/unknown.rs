@@ -150,10 +150,11 @@ impl Unknown {
             }
             // 0.5 mm and 0.5 mrad: a well-made arm
             Self::Joint(..) => 5e-4,
+            // the most that a machine may have
             Self::Effect { .. } => match self.unit(arm) {
-                "rad" | "m" => 1e-3,
-                "rad/(N m)" => 1e-4,
-                _ => 5e-3,
+                "rad" | "m" => 5e-3,
+                "rad/(N m)" => 1e-3,
+                _ => 2e-2,
             },
             Self::EarlyReading => 1e-3,
         }

@@ -5,6 +5,7 @@
 //! [`Report`].
 
 mod compose;
+mod diagnosed;
 mod figures;
 pub mod html;
 pub mod schema;

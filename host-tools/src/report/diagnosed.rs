@@ -1,0 +1,216 @@
+//! From a diagnosis to its report.
+
+use std::collections::BTreeMap;
+
+use truepose::effects::Kind;
+
+use super::Report;
+use super::figures::significant;
+use super::schema::{Alternative, BlockErrors, Effect, Spread, Verdict};
+use crate::diagnose::hypothesis::{Hypothesis, Members};
+use crate::diagnose::{Diagnosis, Named};
+use crate::identify::assess::Statistics;
+use crate::identify::unknown::Unknown;
+use crate::identify::{Failure, Stage};
+use crate::measurement::Dataset;
+
+const MM: f64 = 1e3;
+
+impl Report {
+    /// Of a diagnosis. `robot`: its name.
+    pub fn of_diagnosis(
+        robot: &str,
+        data: &Dataset,
+        diagnosis: &Diagnosis,
+    ) -> Result<Self, Failure> {
+        let mut report = Self::new(robot, data, &diagnosis.identified)?;
+        let stage = &diagnosis.identified.calibration.complete;
+        report.summary.effects = diagnosis
+            .named
+            .iter()
+            .flat_map(|named| effects(named, stage))
+            .collect();
+        report.summary.error_mm_blocks =
+            diagnosis
+                .blocks
+                .as_ref()
+                .map(|[geometric, complete]| BlockErrors {
+                    geometric: spread(geometric),
+                    complete: spread(complete),
+                });
+        report.summary.verdict = verdict(diagnosis);
+        report.reasons = reasons(diagnosis);
+        let sentences = [
+            &report.reasons,
+            &report.assumed,
+            &report.held_back,
+            &report.noticed,
+        ];
+        report.summary.notes = sentences.into_iter().flatten().cloned().collect();
+        Ok(report)
+    }
+}
+
+fn spread(s: &Statistics) -> Spread {
+    Spread {
+        rms: s.rms * MM,
+        mean: s.mean * MM,
+        max: s.max * MM,
+    }
+}
+
+fn verdict(diagnosis: &Diagnosis) -> Verdict {
+    match &diagnosis.whiteness {
+        Some(w) if w.structure => Verdict::StructureRemains,
+        _ if diagnosis.named.is_empty() => Verdict::NothingMissing,
+        _ if diagnosis.ambiguous => Verdict::Ambiguous,
+        _ => Verdict::Explained,
+    }
+}
+
+/// One sentence an effect, then what is left.
+fn reasons(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut reasons: Vec<String> = diagnosis.named.iter().map(sentence).collect();
+    match &diagnosis.whiteness {
+        Some(w) if w.structure => {
+            let saw = w.tests.first().map_or("", |t| t.saw.as_str());
+            reasons.push(format!(
+                "what is left is not noise (chance {}): {saw}",
+                significant(w.p_value)
+            ));
+        }
+        Some(w) => reasons.push(format!(
+            "what is left looks like noise: its structure could be chance with probability {}",
+            significant(w.p_value)
+        )),
+        None => reasons.push("too few rows to test what is left for structure".to_owned()),
+    }
+    reasons
+}
+
+fn sentence(named: &Named) -> String {
+    let hypothesis = &named.step.hypothesis;
+    let what = match hypothesis.kind {
+        "early-reading" => "the residual follows the size of the last move: the joints were \
+             probably read before the arm had settled (use the commanded joints, or wait; this is \
+             a fault of the recording and is not compensated)"
+            .to_owned(),
+        _ => hypothesis.label(),
+    };
+    let [before, after] = named.rms.map(|rms| significant(rms * MM));
+    let [random, time, space] = named.step.held_back.map(|r| significant(r * 100.0));
+    let mut sentence = format!(
+        "{what}: adding it takes the error of the verify rows from {before} mm to {after} mm \
+         (held back at random, in blocks of time and of joint space, {random} %, {time} % and \
+         {space} % of the error remain)"
+    );
+    let close: Vec<String> = named
+        .rivals
+        .iter()
+        .filter(|r| r.delta_bic < 10.0)
+        .map(|r| r.hypothesis.label())
+        .collect();
+    if !close.is_empty() {
+        sentence += &format!("; these poses cannot rule out {}", close.join(", "));
+    }
+    sentence
+}
+
+/// One entry an effect; members of a group share the group's figures.
+fn effects(named: &Named, stage: &Stage) -> Vec<Effect> {
+    let hypothesis = &named.step.hypothesis;
+    let entry = |joint: Option<usize>, component: Option<String>| Effect {
+        kind: hypothesis.kind.to_owned(),
+        joint: joint.map(|j| j + 1),
+        order: hypothesis.order,
+        from: hypothesis.from.map(|j| j + 1),
+        component,
+        parameters: BTreeMap::new(),
+        sigma: BTreeMap::new(),
+        p_value: named.step.ln_p.exp().min(1.0),
+        rms_before_mm: named.rms[0] * MM,
+        rms_after_mm: named.rms[1] * MM,
+        alternatives: named
+            .rivals
+            .iter()
+            .map(|r| alternative(&r.hypothesis, r.similarity, r.delta_bic))
+            .collect(),
+    };
+    match &hypothesis.members {
+        Members::EarlyReading => {
+            let mut effect = entry(None, None);
+            effect
+                .parameters
+                .insert("lack".to_owned(), stage.arm.early_reading);
+            if let Some(sigma) = stage.sigma(Unknown::EarlyReading) {
+                effect.sigma.insert("lack".to_owned(), sigma);
+            }
+            vec![effect]
+        }
+        Members::Curve(_) => {
+            let mut effect = entry(hypothesis.joint, None);
+            let found = stage.arm.effects.iter().filter_map(|e| match e {
+                truepose::effects::Effect::JointCurve(c)
+                    if Some(usize::from(c.joint)) == hypothesis.joint =>
+                {
+                    Some(c)
+                }
+                _ => None,
+            });
+            for curve in found {
+                let cells: Vec<f64> = (0..curve.cells())
+                    .filter_map(|i| curve.cell(i).map(|c: f64| c * curve.scale[0]))
+                    .collect();
+                let n = cells.len().max(1) as f64;
+                let rms = (cells.iter().map(|c| c * c).sum::<f64>() / n).sqrt();
+                let peak = cells.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
+                effect.parameters.insert("rms".to_owned(), rms);
+                effect.parameters.insert("peak".to_owned(), peak);
+                effect
+                    .parameters
+                    .insert("measured share".to_owned(), n / curve.cells().max(1) as f64);
+            }
+            vec![effect]
+        }
+        Members::Effects(_) => named
+            .effects
+            .iter()
+            .map(|effect| {
+                let model = effect.model();
+                let component = model.selector().component.and_then(|component| {
+                    let all = Kind::of(model.kind())?.components;
+                    all.get(usize::from(component)).map(|c| (*c).to_owned())
+                });
+                let mut shown = entry(model.joint(), component);
+                let place = stage.arm.effects.iter().position(|e| e == effect);
+                for (value, ((name, _), x)) in
+                    model.parameters().iter().zip(model.values()).enumerate()
+                {
+                    shown.parameters.insert((*name).to_owned(), *x);
+                    let sigma =
+                        place.and_then(|effect| stage.sigma(Unknown::Effect { effect, value }));
+                    if let Some(sigma) = sigma {
+                        shown.sigma.insert((*name).to_owned(), sigma);
+                    }
+                }
+                for ((name, _), x) in model.constant_names().iter().zip(model.constants()) {
+                    if *name != "order" {
+                        shown.parameters.insert((*name).to_owned(), *x);
+                    }
+                }
+                shown
+            })
+            .collect(),
+    }
+}
+
+fn alternative(hypothesis: &Hypothesis, similarity: f64, delta_bic: f64) -> Alternative {
+    Alternative {
+        kind: hypothesis.kind.to_owned(),
+        joint: hypothesis.joint.map(|j| j + 1),
+        order: hypothesis.order,
+        from: hypothesis.from.map(|j| j + 1),
+        similarity,
+        delta_bic,
+    }
+}
