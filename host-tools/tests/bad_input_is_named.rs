@@ -263,6 +263,38 @@ fn the_command_stops_with_status_2_and_writes_nothing() {
 }
 
 #[test]
+fn identify_stops_with_status_2_and_writes_nothing() {
+    let folder = folder("bad_identify");
+    fs::write(folder.join("R.toml"), support::ROBOT).unwrap();
+    let unknown = support::ROBOT.replacen("\"dh\"", "\"craig\"", 1);
+    fs::write(folder.join("craig.toml"), unknown).unwrap();
+    for (name, text, _) in tables() {
+        fs::write(folder.join(format!("{name}.csv")), text).unwrap();
+    }
+    let before = names(&folder);
+    let identify = |robot: &str, data: &str| {
+        let outputs = ["--out", "P.tpb", "--report", "R.html", "--json", "R.json"];
+        let inputs = ["identify", "--robot", robot, "--data", data];
+        said(&truepose(&folder, &[&inputs[..], &outputs].concat()))
+    };
+    for (name, _, expected) in tables() {
+        let (status, text, talk) = identify("R.toml", &format!("{name}.csv"));
+        assert_eq!((status, text.as_str()), (2, ""), "{name}: {talk}");
+        let message = talk.lines().last().unwrap_or("");
+        assert!(
+            message.starts_with("error: ") && message.contains(expected),
+            "{talk}"
+        );
+    }
+    let (status, _, talk) = identify("craig.toml", "ragged.csv");
+    assert_eq!(status, 2);
+    let expected = "error: craig.toml:8:1: joint 1, convention: found \"craig\", expected dh, \
+                    hayati, mdh or zero-reference; set convention\n";
+    assert_eq!(talk, expected);
+    assert_eq!(names(&folder), before);
+}
+
+#[test]
 fn outputs_that_cannot_be_written_are_refused_before_anything_is_read() {
     let folder = folder("bad_outputs");
     write_blob(&folder);
