@@ -3,6 +3,7 @@
 
 pub mod cell;
 pub mod compensate;
+pub mod demo;
 pub mod deploy;
 pub mod description;
 pub mod diagnose;

@@ -7,6 +7,7 @@
 //! before all of it is there.
 
 mod compensate;
+mod demo;
 mod diagnose;
 mod identify;
 mod inspect;
@@ -44,6 +45,7 @@ enum Command {
     Compensate(compensate::Options),
     Verify(verify::Options),
     Plan(plan::Options),
+    Demo(demo::Options),
     Inspect(inspect::Options),
 }
 
@@ -76,6 +78,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
         Command::Compensate(options) => compensate::files(options),
         Command::Verify(options) => verify::files(options),
         Command::Plan(options) => plan::files(options),
+        Command::Demo(options) => demo::files(options),
         Command::Inspect(options) => inspect::files(options),
     };
     files.outputs.extend(arguments.json.as_deref());
@@ -87,6 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
         Command::Compensate(options) => compensate::run(options),
         Command::Verify(options) => verify::run(options),
         Command::Plan(options) => plan::run(options),
+        Command::Demo(options) => demo::run(options),
         Command::Inspect(options) => inspect::run(options),
     }?;
     if let Some(file) = &arguments.json {
