@@ -3,6 +3,7 @@
 
 pub mod curve;
 pub mod hypothesis;
+pub mod input;
 pub mod model;
 pub mod noise;
 pub mod periodogram;

@@ -9,11 +9,11 @@
 //! none of them: positions and orientations are first weighted by their own residuals, and
 //! [`Whiteness::noise`] compares these with what was declared.
 
-mod chance;
+pub(crate) mod chance;
 mod noise;
-mod projected;
+pub(crate) mod projected;
 mod quadratic;
-mod shapes;
+pub(crate) mod shapes;
 
 use nalgebra::DMatrix;
 use rand_chacha::ChaCha8Rng;
@@ -84,7 +84,7 @@ pub struct Whiteness {
     pub tests: Vec<Test>,
     /// Chance that noise alone makes any of the tests as good as the best of them was.
     pub p_value: f64,
-    /// More than noise, at 1 %.
+    /// More than noise: `p_value` below 1 %.
     pub structure: bool,
     /// Size of the noise, by the residual.
     pub noise: Noise,
@@ -137,7 +137,7 @@ pub fn whiteness(
     Some(Whiteness {
         tests,
         p_value,
-        structure: p_value <= LEVEL,
+        structure: p_value < LEVEL,
         noise,
         rows: rows.len(),
     })

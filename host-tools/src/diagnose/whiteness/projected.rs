@@ -9,14 +9,14 @@ use crate::identify::unknown::Unknown;
 
 /// A whitened residual on the orthogonal complement of what was fitted.
 #[derive(Clone, Debug)]
-pub(super) struct Projected {
+pub(crate) struct Projected {
     /// Orthonormal, equations x rank: what the fit could take up.
-    pub(super) basis: DMatrix<f64>,
+    pub(crate) basis: DMatrix<f64>,
     /// Measured minus predicted over sigma, none of it left in `basis`.
-    pub(super) residual: DVector<f64>,
+    pub(crate) residual: DVector<f64>,
     /// The same, each row scaled up to what it would be had the fit not bent to it:
     /// `(I - H_ii)^(-1/2) r_i`, of unit variance under independent noise.
-    pub(super) inflated: DVector<f64>,
+    pub(crate) inflated: DVector<f64>,
     /// One minus leverage of every equation.
     kept: Vec<f64>,
     /// Where each row's equations begin, and the end of all.
@@ -28,7 +28,7 @@ const LEAST_KEPT: f64 = 0.05;
 
 impl Projected {
     /// Of `observations` after a fit of `unknowns`.
-    pub(super) fn new(
+    pub(crate) fn new(
         arm: &ArmModel,
         unknowns: &[Unknown],
         observations: &[&Observation],
@@ -68,32 +68,95 @@ impl Projected {
     }
 
     /// Number of observations.
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.starts.len() - 1
     }
 
     /// Equations of row `i`.
-    pub(super) fn equations(&self, i: usize) -> std::ops::Range<usize> {
+    pub(crate) fn equations(&self, i: usize) -> std::ops::Range<usize> {
         self.starts[i]..self.starts[i + 1]
     }
 
     /// Residual of row `i`.
-    pub(super) fn row(&self, i: usize) -> &[f64] {
+    pub(crate) fn row(&self, i: usize) -> &[f64] {
         &self.residual.as_slice()[self.equations(i)]
     }
 
     /// One minus leverage of the equations of row `i`.
-    pub(super) fn kept(&self, i: usize) -> &[f64] {
+    pub(crate) fn kept(&self, i: usize) -> &[f64] {
         &self.kept[self.equations(i)]
     }
 
     /// Equations less what was fitted.
-    pub(super) fn freedom(&self) -> usize {
+    pub(crate) fn freedom(&self) -> usize {
         self.residual.len().saturating_sub(self.basis.ncols())
     }
 
+    /// Sum of squares.
+    pub(crate) fn square(&self) -> f64 {
+        self.residual.norm_squared()
+    }
+
+    /// Mean square of row `i`.
+    pub(crate) fn row_square(&self, i: usize) -> f64 {
+        let row = self.row(i);
+        row.iter().map(|x| x * x).sum::<f64>() / row.len().max(1) as f64
+    }
+
+    /// The same with `columns` taken up as well.
+    pub(crate) fn beyond(&self, columns: &DMatrix<f64>) -> Self {
+        let more = orthonormal(self.free(columns));
+        let (old, new) = (self.basis.ncols(), more.ncols());
+        let mut basis = self.basis.clone().resize_horizontally(old + new, 0.0);
+        basis.columns_mut(old, new).copy_from(&more);
+        let residual = &self.residual - &more * more.tr_mul(&self.residual);
+        Self {
+            basis,
+            residual,
+            ..self.clone()
+        }
+    }
+
+    /// The same after the prediction has changed by `change`.
+    pub(crate) fn shifted(&self, change: &DVector<f64>) -> Self {
+        let residual = &self.residual - change;
+        Self {
+            residual: &residual - &self.basis * self.basis.tr_mul(&residual),
+            ..self.clone()
+        }
+    }
+
+    /// By how much the sum of squares sinks when `columns` are fitted as well.
+    pub(crate) fn explained(&self, columns: &DMatrix<f64>) -> f64 {
+        orthonormal(self.free(columns))
+            .tr_mul(&self.residual)
+            .norm_squared()
+    }
+
+    /// The same for one column, and its coefficient.
+    pub(crate) fn explained_by_one(&self, column: &DMatrix<f64>) -> (f64, f64) {
+        let free = self.free(column);
+        let (along, square) = (free.tr_mul(&self.residual).sum(), free.norm_squared());
+        if square > 1e-12 * column.norm_squared() && square > 0.0 {
+            (along * along / square, along / square)
+        } else {
+            (0.0, 0.0)
+        }
+    }
+
+    /// Columns less what was fitted; those of which nothing but rounding is left are zero.
+    fn free(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut free = self.complement(self.complement(columns.clone()));
+        for (mut left, before) in free.column_iter_mut().zip(columns.column_iter()) {
+            if left.norm() <= 1e-4 * before.norm() {
+                left.fill(0.0);
+            }
+        }
+        free
+    }
+
     /// The part of every column that the fit cannot take up.
-    pub(super) fn complement(&self, columns: DMatrix<f64>) -> DMatrix<f64> {
+    pub(crate) fn complement(&self, columns: DMatrix<f64>) -> DMatrix<f64> {
         let taken = &self.basis * self.basis.tr_mul(&columns);
         columns - taken
     }

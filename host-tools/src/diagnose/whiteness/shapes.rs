@@ -209,6 +209,25 @@ fn base_twist(arm: &ArmModel, o: &Observation, at: &Vector3<f64>, axis: usize) -
     }
 }
 
+/// Columns of every joint that errs by a function of its own reading, or by the lever of a
+/// weight at the tool: most of what an arm does.
+pub(crate) fn own_functions(
+    arm: &ArmModel,
+    observations: &[&Observation],
+    sigmas: Sigmas,
+) -> DMatrix<f64> {
+    let design = design(arm, observations, sigmas);
+    let own = |shape: &Shape| match (shape.subject, shape.mover) {
+        (Subject::Joint(k), Mover::Joint(j)) => k == j,
+        (Subject::Gravity, _) => true,
+        _ => false,
+    };
+    let kept: Vec<usize> = (0..design.shapes.len())
+        .filter(|&k| design.shapes.get(k).is_some_and(own))
+        .collect();
+    design.columns.select_columns(&kept)
+}
+
 /// The design of all functions at `observations`.
 pub(super) fn design(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> Design {
     let n = arm.joint_count();
