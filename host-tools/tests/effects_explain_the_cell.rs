@@ -70,6 +70,10 @@ fn verify(cell: &Cell, effects: Vec<Effect<'static, f64>>, seed: u64) -> Option<
     let data = measured.dataset();
     let problem = Problem::new(&cell.robot(), &data, Joints::Readings, effects);
     let calibration = identify(&problem).ok()?;
+    for (i, (unknown, _)) in calibration.statuses.iter().enumerate() {
+        let twice = calibration.statuses[..i].iter().any(|(u, _)| u == unknown);
+        assert!(!twice, "{unknown:?} is listed twice");
+    }
     let held_back: Vec<&Observation> = problem.verify.iter().collect();
     let distances = errors(&calibration.complete.arm, &held_back).distances;
     Some(Statistics::of(&distances)?.rms)

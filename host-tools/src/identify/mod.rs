@@ -315,7 +315,9 @@ pub(crate) fn statuses(
         };
         statuses.push((*unknown, status));
     }
-    for (unknown, why) in &structure.dropped {
+    // The placement is a candidate even where the drawing says that it cannot show.
+    let elsewhere = |unknown: &Unknown| !candidates.contains(unknown);
+    for (unknown, why) in structure.dropped.iter().filter(|(u, _)| elsewhere(u)) {
         statuses.push((
             *unknown,
             reason(why, &structure.candidates, "any measurement"),
