@@ -54,7 +54,8 @@ pub(super) fn between<T: Scalar>(predicted: &Pose<T>, desired: &Pose<T>) -> Twis
 pub(super) fn is_pose<T: Scalar>(pose: &Pose<T>) -> bool {
     let off = pose.rotation.tr_mul(&pose.rotation) - Matrix3::identity();
     let tolerance = T::of(1e-3);
-    pose.is_finite()
+    // NaN and infinity in the rotation fail the comparisons.
+    pose.translation.iter().all(|x| x.finite())
         && off.iter().all(|x| x.abs() <= tolerance)
         && pose.rotation.determinant() > T::zero()
 }

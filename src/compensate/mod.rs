@@ -10,14 +10,17 @@
 //!   done stands in [`inverse_jacobian`];
 //! - the same bits for the same input, state and number type on every core.
 
+mod damped;
 mod descent;
 mod error;
 pub mod inverse_jacobian;
 pub mod lqr;
 pub mod minimum_move;
+mod rigid;
 mod solve;
 pub mod spherical_wrist;
 mod step;
+mod swift;
 pub mod task_point;
 
 use crate::budget::{Budget, Clock, Cost};
@@ -157,6 +160,10 @@ pub struct State<T: Scalar, const N: usize> {
 pub struct Compensator<'m, T: Scalar, const N: usize> {
     model: &'m Model<'m, T, N>,
     settings: Settings<T>,
+    /// Longest way from an axis to the tool point, m.
+    reach: T,
+    /// Ways that add up to more move at least one joint by half its resolution, rad or m.
+    perceptible: T,
     state: State<T, N>,
 }
 
@@ -166,6 +173,8 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         let mut compensator = Self {
             model,
             settings: model.settings,
+            reach: reach(model),
+            perceptible: model.resolution.iter().fold(T::zero(), |sum, &r| sum + r),
             state: State {
                 correction: [T::zero(); N],
                 last: [T::zero(); N],
@@ -266,6 +275,11 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             Some(pose) => *pose,
             None => self.model.nominal_pose(&request.q),
         };
+        if self.settings.method == Method::InverseJacobian
+            && let Some(outcome) = self.swift(&start, &desired, budget, cost.iteration)
+        {
+            return outcome;
+        }
         let effort = match self.settings.method {
             Method::InverseJacobian | Method::TaskPoint => [T::zero(); N],
             Method::Lqr => lqr::prices(
@@ -379,16 +393,38 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
     }
 }
 
+/// All links and the tool stretched out, slides as far as they go, m.
+fn reach<T: Scalar, const N: usize>(model: &Model<'_, T, N>) -> T {
+    let chain = &model.calibrated;
+    let mut reach = chain.tool.translation.norm_squared().root();
+    for (joint, &[low, high]) in chain.joints.iter().zip(&model.limits) {
+        reach += (joint.tx * joint.tx + joint.ty * joint.ty).root();
+        if joint.kind == crate::JointKind::Prismatic {
+            let (low, high) = (low.abs(), high.abs());
+            reach += if low > high { low } else { high };
+        }
+    }
+    reach
+}
+
+/// A number less itself is zero, unless it is not finite.
+fn all_finite<T: Scalar>(numbers: &[T]) -> bool {
+    numbers
+        .iter()
+        .fold(T::zero(), |sum, &x| sum + (x - x))
+        .finite()
+}
+
 /// Why a request cannot be compensated, if so.
 fn refusal<T: Scalar, const N: usize>(request: &Request<T, N>) -> Option<Status> {
-    if !request.q.iter().all(|q| q.finite()) {
+    if !all_finite(&request.q) {
         return Some(Status::JointsNotFinite);
     }
     let conditions = &request.conditions;
     let ambient = &conditions.ambient;
-    let finite = conditions.direction.iter().all(|x| x.finite())
+    let finite = all_finite(&conditions.direction)
         && ambient.payload.finite()
-        && ambient.payload_com.iter().all(|x| x.finite());
+        && all_finite(ambient.payload_com.as_slice());
     // Temperatures and time that are not finite are not known: their effects stay out.
     if !finite {
         return Some(Status::ConditionsNotFinite);

@@ -1,0 +1,269 @@
+//! The damped step: six equations, solved without a loop.
+//!
+//! ```text
+//! delta_q = Jᵀ y,   (J Jᵀ + D) y = e,   D = diag(d_position, d_orientation)
+//! ```
+//! `e`: desired minus predicted, J: joint Jacobian, both about the same point in the same
+//! axes, lengths in m and angles in rad. MRD 5.43, damped. With weights w on the equations
+//! and a damping of lambda^2, D is lambda^2 / w^2. What the step leaves of the linear
+//! equations is `D y`, exactly.
+//!
+//! The matrix is gathered joint by joint in 21 numbers and factored in blocks of three, all
+//! written out: a small floating-point unit keeps them in its registers.
+
+use nalgebra::Vector3;
+
+use crate::{BakedJoint, JointKind, Scalar, Twist};
+
+/// `a x b`, each entry one product less another.
+#[inline(always)]
+pub(super) fn cross<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
+    Vector3::new(
+        a.y * b.z - a.z * b.y,
+        a.z * b.x - a.x * b.z,
+        a.x * b.y - a.y * b.x,
+    )
+}
+
+/// Symmetric 3 x 3, lower triangle.
+#[derive(Clone, Copy, Debug)]
+struct Symmetric<T> {
+    xx: T,
+    yx: T,
+    yy: T,
+    zx: T,
+    zy: T,
+    zz: T,
+}
+
+impl<T: Scalar> Symmetric<T> {
+    fn diagonal(d: T) -> Self {
+        let o = T::zero();
+        Self {
+            xx: d,
+            yx: o,
+            yy: d,
+            zx: o,
+            zy: o,
+            zz: d,
+        }
+    }
+
+    #[inline(always)]
+    fn add_square(&mut self, v: &Vector3<T>) {
+        self.xx += v.x * v.x;
+        self.yx += v.y * v.x;
+        self.yy += v.y * v.y;
+        self.zx += v.z * v.x;
+        self.zy += v.z * v.y;
+        self.zz += v.z * v.z;
+    }
+
+    #[inline(always)]
+    fn factor(&self) -> Factor<T> {
+        let one = T::one();
+        let ix = one / self.xx;
+        let (yx, zx) = (self.yx * ix, self.zx * ix);
+        let iy = one / (self.yy - yx * self.yx);
+        let below = self.zy - yx * self.zx;
+        let zy = below * iy;
+        let iz = one / (self.zz - zx * self.zx - zy * below);
+        Factor {
+            yx,
+            zx,
+            zy,
+            inverse: Vector3::new(ix, iy, iz),
+        }
+    }
+}
+
+/// `L diag(1 / inverse) Lᵀ`, L with ones on its diagonal.
+#[derive(Clone, Copy, Debug)]
+struct Factor<T: Scalar> {
+    yx: T,
+    zx: T,
+    zy: T,
+    inverse: Vector3<T>,
+}
+
+impl<T: Scalar> Factor<T> {
+    /// `L⁻¹ b`.
+    #[inline(always)]
+    fn forward(&self, b: &Vector3<T>) -> Vector3<T> {
+        let y = b.y - self.yx * b.x;
+        Vector3::new(b.x, y, b.z - self.zx * b.x - self.zy * y)
+    }
+
+    /// `L⁻ᵀ b`.
+    #[inline(always)]
+    fn backward(&self, b: &Vector3<T>) -> Vector3<T> {
+        let y = b.y - self.zy * b.z;
+        Vector3::new(b.x - self.yx * y - self.zx * b.z, y, b.z)
+    }
+
+    /// Lower left entry of `L⁻¹`.
+    #[inline(always)]
+    fn corner(&self) -> T {
+        self.yx * self.zy - self.zx
+    }
+
+    /// `row L⁻¹`.
+    #[inline(always)]
+    fn behind(&self, row: &Vector3<T>) -> Vector3<T> {
+        Vector3::new(
+            row.x - row.y * self.yx + row.z * self.corner(),
+            row.y - row.z * self.zy,
+            row.z,
+        )
+    }
+
+    /// `L⁻¹` times a matrix of three rows.
+    #[inline(always)]
+    fn before(&self, [x, y, z]: [Vector3<T>; 3]) -> [Vector3<T>; 3] {
+        [x, y - x * self.yx, z - y * self.zy + x * self.corner()]
+    }
+
+    /// Trace of the inverse of the factored matrix: its eigenvalues' reciprocals added up.
+    #[inline(always)]
+    fn inverse_trace(&self) -> T {
+        let (one, corner) = (T::one(), self.corner());
+        let i = &self.inverse;
+        i.x + i.y * (one + self.yx * self.yx) + i.z * (one + self.zy * self.zy + corner * corner)
+    }
+
+    #[inline(always)]
+    fn scaled(&self, b: &Vector3<T>) -> Vector3<T> {
+        b.component_mul(&self.inverse)
+    }
+}
+
+/// `J Jᵀ + D`, gathered column by column.
+#[derive(Clone, Copy, Debug)]
+struct NormalMatrix<T: Scalar> {
+    angular: Symmetric<T>,
+    linear: Symmetric<T>,
+    /// Row k: k-th linear with the three angular equations.
+    mixed: [Vector3<T>; 3],
+}
+
+impl<T: Scalar> NormalMatrix<T> {
+    /// D, for position, m^2 per (rad or m)^2, and orientation, rad^2 likewise, and the first
+    /// column, whose axis is z through the origin.
+    #[inline(always)]
+    fn first([position, orientation]: [T; 2], kind: JointKind, column: &Twist<T>) -> Self {
+        let v = &column.linear;
+        let mut matrix = Self {
+            angular: Symmetric::diagonal(orientation),
+            linear: Symmetric::diagonal(position),
+            mixed: [Vector3::zeros(); 3],
+        };
+        match kind {
+            JointKind::Revolute => {
+                matrix.angular.zz += T::one();
+                matrix.linear.xx += v.x * v.x;
+                matrix.linear.yx = v.y * v.x;
+                matrix.linear.yy += v.y * v.y;
+                let [x, y, _] = &mut matrix.mixed;
+                x.z = v.x;
+                y.z = v.y;
+            }
+            JointKind::Prismatic => matrix.linear.zz += T::one(),
+        }
+        matrix
+    }
+
+    /// Adds one column of J.
+    #[inline(always)]
+    fn add(&mut self, kind: JointKind, column: &Twist<T>) {
+        let (v, w) = (&column.linear, &column.angular);
+        self.linear.add_square(v);
+        // Besides the work saved, the branch keeps the compiler from interleaving columns,
+        // for which it runs out of registers.
+        if kind == JointKind::Revolute {
+            self.angular.add_square(w);
+            let [x, y, z] = &mut self.mixed;
+            *x += w * v.x;
+            *y += w * v.y;
+            *z += w * v.z;
+        }
+    }
+
+    /// Solves for `y`; where `clearance` is asked for, with the trace of the inverse of the
+    /// matrix, otherwise with zero. Not finite if the matrix is not positive definite or a
+    /// number in it or in `e` is not finite; the caller's checks find it.
+    #[inline(always)]
+    fn solve(&self, e: &Twist<T>, clearance: bool) -> (Twist<T>, T) {
+        let upper = self.angular.factor();
+        let [x, y, z] = &self.mixed;
+        let (x, y, z) = (upper.forward(x), upper.forward(y), upper.forward(z));
+        let (lx, ly, lz) = (upper.scaled(&x), upper.scaled(&y), upper.scaled(&z));
+        let a = &self.linear;
+        let lower = Symmetric {
+            xx: less(a.xx, &lx, &x),
+            yx: less(a.yx, &ly, &x),
+            yy: less(a.yy, &ly, &y),
+            zx: less(a.zx, &lz, &x),
+            zy: less(a.zy, &lz, &y),
+            zz: less(a.zz, &lz, &z),
+        }
+        .factor();
+        let f = upper.forward(&e.angular);
+        let b = &e.linear;
+        let g = lower.forward(&Vector3::new(
+            less(b.x, &lx, &f),
+            less(b.y, &ly, &f),
+            less(b.z, &lz, &f),
+        ));
+        let linear = lower.backward(&lower.scaled(&g));
+        let rest = upper.scaled(&f) - lx * linear.x - ly * linear.y - lz * linear.z;
+        let solution = Twist::new(linear, upper.backward(&rest));
+        let trace = if clearance {
+            let rows = [&lx, &ly, &lz].map(|row| upper.behind(row));
+            let [x, y, z] = lower.before(rows);
+            let i = &lower.inverse;
+            upper.inverse_trace()
+                + lower.inverse_trace()
+                + i.x * x.norm_squared()
+                + i.y * y.norm_squared()
+                + i.z * z.norm_squared()
+        } else {
+            T::zero()
+        };
+        (solution, trace)
+    }
+}
+
+/// `a - u · v`.
+#[inline(always)]
+fn less<T: Scalar>(a: T, u: &Vector3<T>, v: &Vector3<T>) -> T {
+    a - u.x * v.x - u.y * v.y - u.z * v.z
+}
+
+/// Entry of `Jᵀ y` that belongs to `column`.
+#[inline(always)]
+pub(super) fn share<T: Scalar>(column: &Twist<T>, y: &Twist<T>) -> T {
+    let (v, w) = (&column.linear, &column.angular);
+    let (f, m) = (&y.linear, &y.angular);
+    v.x * f.x + v.y * f.y + v.z * f.z + w.x * m.x + w.y * m.y + w.z * m.z
+}
+
+/// Solves `(J Jᵀ + D) y = e` for the J whose columns [`super::rigid::approach`] gave, and D with `damping` for
+/// position and orientation. Where `clearance` is asked for, the trace of `(J Jᵀ + D)⁻¹` is
+/// with it: the reciprocal of what [`super::step::clearance`] returns.
+#[inline(never)]
+pub(super) fn multipliers<T: Scalar>(
+    joints: &[BakedJoint<T>],
+    columns: &[Twist<T>],
+    damping: [T; 2],
+    e: &Twist<T>,
+    clearance: bool,
+) -> (Twist<T>, T) {
+    let ([first, joints @ ..], [first_column, columns @ ..]) = (joints, columns) else {
+        return (Twist::zero(), T::zero());
+    };
+    let mut normal = NormalMatrix::first(damping, first.kind, first_column);
+    for (joint, column) in joints.iter().zip(columns) {
+        normal.add(joint.kind, column);
+    }
+    normal.solve(e, clearance)
+}
