@@ -192,13 +192,8 @@ impl<'a> Search<'a> {
                 share: scores[i].reduction / space.rss,
             })
             .collect();
-        let mut tried = 0;
-        for i in order {
+        for i in order.into_iter().take(TRIES) {
             let candidate = &candidates[i];
-            if tried == TRIES {
-                break;
-            }
-            tried += 1;
             let (start, len) = columns.groups[i];
             let extra = columns.matrix.columns(start, len).into_owned();
             let held_back = [0, 1, 2].map(|b| {
@@ -451,7 +446,7 @@ impl<'a> Search<'a> {
                 .map(|&i| (candidates[i].clone(), scores[i]))
                 .collect(),
             similarities,
-            without: without,
+            without,
         })
     }
 }
