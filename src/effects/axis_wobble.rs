@@ -124,20 +124,43 @@ impl<T: Scalar> EffectModel<T> for AxisWobble<T> {
 
     #[inline]
     fn posture_partial(&self, k: usize, at: &Posture<'_, T>) -> Displacement<T> {
+        let angle = self.order * entry(at.q, usize::from(self.joint));
+        let amount = harmonic(k % 2, angle);
+        let (x, y) = if k < 2 {
+            (amount, T::zero())
+        } else {
+            (T::zero(), amount)
+        };
+        self.wobbled(at, x, y)
+    }
+
+    #[inline]
+    fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
+        let angle = self.order * entry(at.q, usize::from(self.joint));
+        let [a, b, c, d] = self.amplitude;
+        let (sine, cosine) = angle.sincos();
+        let less = cosine - T::one();
+        self.wobbled(at, a * sine + b * less, c * sine + d * less)
+            .at_tool(at)
+    }
+}
+
+impl<T: Scalar> AxisWobble<T> {
+    /// A tilt about (or a shift along) the two directions by these amounts.
+    #[inline]
+    fn wobbled(&self, at: &Posture<'_, T>, along_x: T, along_y: T) -> Displacement<T> {
         let j = usize::from(self.joint);
         let Some(frame) = at.frames.get(j) else {
             return Displacement::zero();
         };
-        let q = entry(at.q, j);
+        let (mut u, mut v) = (along_x, along_y);
+        if !self.motion.turns() {
+            // The directions are those of the link before: turned back by the reading.
+            let (s, c) = entry(at.q, j).sincos();
+            (u, v) = (along_x * c + along_y * s, along_y * c - along_x * s);
+        }
         let [x, y] = self.anchor.axes(frame);
-        let direction = if self.motion.turns() {
-            if k < 2 { x } else { y }
-        } else {
-            // Turned back by the reading.
-            let (s, c) = q.sincos();
-            if k < 2 { x * c - y * s } else { y * c + x * s }
-        };
-        let wobble = direction * harmonic(k % 2, self.order * q);
+        let wobble = x * u + y * v;
         Displacement {
             twist: match self.motion {
                 Wobble::Tilt | Wobble::TurningTilt => Twist::new(Vector3::zeros(), wobble),

@@ -88,6 +88,12 @@ impl<T: Scalar> EffectModel<T> for GearEccentricity<T> {
     fn reading_partial(&self, k: usize, at: &Reading<'_, T>) -> T {
         harmonic(k, self.order * entry(at.q, usize::from(self.joint)))
     }
+
+    #[inline]
+    fn addition(&self, at: &Reading<'_, T>) -> T {
+        let q = entry(at.q, usize::from(self.joint));
+        harmonics(&self.amplitude, self.order * q)
+    }
 }
 
 /// Sine (`k` = 0) or cosine less 1 of an angle in rad.
@@ -95,4 +101,11 @@ impl<T: Scalar> EffectModel<T> for GearEccentricity<T> {
 pub(super) fn harmonic<T: Scalar>(k: usize, angle: T) -> T {
     let (s, c) = angle.sincos();
     if k == 0 { s } else { c - T::one() }
+}
+
+/// Sine and cosine less 1 of an angle in rad, in these amounts.
+#[inline]
+pub(super) fn harmonics<T: Scalar>(amplitude: &[T; 2], angle: T) -> T {
+    let (s, c) = angle.sincos();
+    amplitude[0] * s + amplitude[1] * (c - T::one())
 }

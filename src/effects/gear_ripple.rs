@@ -2,7 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{EffectModel, Reading, Selector, Stage, entry, gear_eccentricity::harmonic};
+use super::{
+    EffectModel, Reading, Selector, Stage, entry,
+    gear_eccentricity::{harmonic, harmonics},
+};
 use crate::Scalar;
 
 /// Ripple: the same harmonic error as [`super::GearEccentricity`], of high order: 1, 2 or 4
@@ -85,5 +88,11 @@ impl<T: Scalar> EffectModel<T> for GearRipple<T> {
     #[inline]
     fn reading_partial(&self, k: usize, at: &Reading<'_, T>) -> T {
         harmonic(k, self.order * entry(at.q, usize::from(self.joint)))
+    }
+
+    #[inline]
+    fn addition(&self, at: &Reading<'_, T>) -> T {
+        let q = entry(at.q, usize::from(self.joint));
+        harmonics(&self.amplitude, self.order * q)
     }
 }

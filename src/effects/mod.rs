@@ -88,6 +88,12 @@ impl<T: Scalar> Displacement<T> {
             origin: Vector3::zeros(),
         }
     }
+
+    /// The same of the tool point.
+    #[inline]
+    fn at_tool(&self, at: &Posture<'_, T>) -> Twist<T> {
+        self.twist.at(&(at.tool.translation - self.origin))
+    }
 }
 
 /// What every non-geometric effect can do.
@@ -149,6 +155,28 @@ pub trait EffectModel<T: Scalar> {
     fn posture_partial(&self, _k: usize, _at: &Posture<'_, T>) -> Displacement<T> {
         Displacement::zero()
     }
+
+    /// [`Stage::Reading`]: the whole addition, rad or m. Computed at once where the partials
+    /// share their work.
+    #[inline]
+    fn addition(&self, at: &Reading<'_, T>) -> T {
+        let mut sum = T::zero();
+        for (k, &value) in self.values().iter().enumerate() {
+            sum += self.reading_partial(k, at) * value;
+        }
+        sum
+    }
+
+    /// [`Stage::Posture`]: the whole displacement of the tool point. Computed at once where
+    /// the partials share their work.
+    #[inline]
+    fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
+        let mut sum = Twist::zero();
+        for (k, &value) in self.values().iter().enumerate() {
+            sum = sum.plus(&self.posture_partial(k, at).at_tool(at).scaled(value));
+        }
+        sum
+    }
 }
 
 /// The list: variant, its order is its number in stored blobs.
@@ -190,13 +218,13 @@ macro_rules! effects {
             /// The joint and what this effect adds to its reading, rad or m.
             #[inline]
             pub fn addition(&self, at: &Reading<'_, T>) -> (usize, T) {
-                match self { $(Self::$name(e) => addition(e, at)),+ }
+                match self { $(Self::$name(e) => (e.joint().unwrap_or(usize::MAX), e.addition(at))),+ }
             }
 
             /// Displacement of the tool point, axes of the kinematics' start frame.
             #[inline]
             pub fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
-                match self { $(Self::$name(e) => displacement(e, at)),+ }
+                match self { $(Self::$name(e) => e.displacement(at)),+ }
             }
         }
     };
@@ -259,25 +287,6 @@ impl<T: Scalar> Effect<'_, T> {
                 .flatten()
                 .all(|&j| j < joints)
     }
-}
-
-#[inline]
-fn addition<T: Scalar, E: EffectModel<T>>(effect: &E, at: &Reading<'_, T>) -> (usize, T) {
-    let mut sum = T::zero();
-    for (k, &value) in effect.values().iter().enumerate() {
-        sum += effect.reading_partial(k, at) * value;
-    }
-    (effect.joint().unwrap_or(usize::MAX), sum)
-}
-
-#[inline]
-fn displacement<T: Scalar, E: EffectModel<T>>(effect: &E, at: &Posture<'_, T>) -> Twist<T> {
-    let mut sum = Twist::zero();
-    for (k, &value) in effect.values().iter().enumerate() {
-        let d = effect.posture_partial(k, at);
-        sum = sum.plus(&d.twist.at(&(at.tool.translation - d.origin)).scaled(value));
-    }
-    sum
 }
 
 /// The turn of everything beyond joint `j` about (or, prismatic, the slide along) its own
