@@ -1,8 +1,10 @@
-//! The whole loop on the built-in robot cell: measure, identify, deploy, compensate, verify.
+//! The whole loop on the built-in robot cell: measure, identify, diagnose,
+//! deploy, compensate, verify.
 //!
 //! The cell's arm is handed over as anyone's would be, as a drawing and measured rows; what is
 //! hidden in it is compared with what was found only at the end.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use truepose::effects::Effect;
@@ -12,6 +14,7 @@ use crate::cell::{Arm, Cell, Conditions, Files, Hidden, Instrument, Measured, Se
 use crate::compensate::{Corrected, Precision, compensate};
 use crate::deploy::{Origin, blob};
 use crate::description::Robot;
+use crate::diagnose::diagnose;
 use crate::error::Error;
 use crate::identify::assess::{Statistics, errors};
 use crate::identify::readings::{Identified, identify_file};
@@ -72,8 +75,12 @@ pub struct Demonstration {
     pub targets: [usize; 2],
     /// Verification of the commands compensated with the effect.
     pub verified: Verified,
-    /// Amplitude of the hidden effect, as it is and as it was found, rad.
-    pub amplitude: [f64; 2],
+    /// Amplitude of the hidden effect, rad.
+    pub hidden: f64,
+    /// What the diagnosis named, in words.
+    pub found: Vec<String>,
+    /// Amplitude that it found for the hidden effect, rad; `None`: it was not named.
+    pub amplitude: Option<f64>,
     /// The instrument's noise, m.
     pub noise: f64,
     /// The parameters that the controller was given.
@@ -115,15 +122,20 @@ pub fn demonstrate(settings: &Settings, tell: &mut dyn FnMut(f64)) -> Result<Dem
     let data = measured.dataset();
     tell(0.1);
 
-    // Identify, without the effect and with it.
-    let effect = Effect::GearEccentricity(truepose::effects::GearEccentricity::new(
-        u8::try_from(joint).unwrap_or(u8::MAX),
-        1.0,
-    ));
+    // Identify the geometry, and diagnose what it lacks. Nobody says what that is.
     let explain = |failure: crate::identify::Failure| failure.explain(&data.file);
     let geometric = identify_file(&robot, &data, Vec::new()).map_err(explain)?;
-    tell(0.3);
-    let complete = identify_file(&robot, &data, vec![effect]).map_err(explain)?;
+    tell(0.2);
+    let again = identify_file(&robot, &data, Vec::new()).map_err(explain)?;
+    let steps = RefCell::new((0.2, &mut *tell));
+    let diagnosis = diagnose(again, &|_| {
+        let (share, tell) = &mut *steps.borrow_mut();
+        // The number of steps is not known: half of what is left, each time.
+        *share += 0.5 * (0.5 - *share);
+        tell(*share);
+    });
+    let diagnosis = diagnosis.map_err(explain)?;
+    let complete = diagnosis.identified;
     tell(0.5);
     let predicted = [
         held_back(&geometric, |c| &c.nominal.arm),
@@ -198,15 +210,19 @@ pub fn demonstrate(settings: &Settings, tell: &mut dyn FnMut(f64)) -> Result<Dem
     let verified = verify(&file, &blob, &by_effect.dataset(), false)?;
     tell(1.0);
     let size = cell.hidden().next().map_or(0.0, |(_, size)| size.abs());
-    let found = blob.effects.first().map_or(0.0, |effect| {
-        effect
-            .model()
-            .values()
-            .iter()
-            .map(|x| x * x)
-            .sum::<f64>()
-            .sqrt()
-    });
+    let found = blob.effects.iter().map(|effect| name(effect)).collect();
+    let amplitude = (blob.effects.iter())
+        .filter(|effect| is_the_gear(effect, joint))
+        .map(|effect| {
+            effect
+                .model()
+                .values()
+                .iter()
+                .map(|x| x * x)
+                .sum::<f64>()
+                .sqrt()
+        })
+        .next();
     drop(blob);
     Ok(Demonstration {
         robot: robot.name.clone(),
@@ -218,12 +234,39 @@ pub fn demonstrate(settings: &Settings, tell: &mut dyn FnMut(f64)) -> Result<Dem
         executed: [before?, geometry?, after?],
         targets: [TARGETS, singular],
         verified,
-        amplitude: [size, found],
+        hidden: size,
+        found,
+        amplitude,
         noise: instrument.position_sigma,
         measured: cell.files(&measured),
         new_data: by_effect.csv(),
         parameters,
     })
+}
+
+/// Kind, joint and order, joints counted from 1.
+fn name(effect: &Effect<'_, f64>) -> String {
+    let model = effect.model();
+    let joint = model.joint().map(|j| format!("joint {} ", j + 1));
+    let order = model
+        .selector()
+        .order
+        .map(|order| format!(", order {order}"));
+    format!(
+        "{}{}{}",
+        joint.unwrap_or_default(),
+        model.kind(),
+        order.unwrap_or_default()
+    )
+}
+
+fn is_the_gear(effect: &Effect<'_, f64>, joint: usize) -> bool {
+    let model = effect.model();
+    let once = model
+        .selector()
+        .order
+        .is_some_and(|order| (order - 1.0).abs() < 0.1);
+    model.kind() == "gear-eccentricity" && model.joint() == Some(joint) && once
 }
 
 /// Errors of the rows that no fit has seen.

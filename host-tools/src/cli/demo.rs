@@ -112,32 +112,39 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
 fn text(shown: &Demonstration, options: &Options) -> String {
     let [identify, verify] = shown.rows;
     let joint = options.joint;
-    let [hidden, found] = shown.amplitude.map(|x| three_digits(x.to_degrees()));
+    let degrees = |x: f64| three_digits(x.to_degrees());
+    let named = match shown.found.as_slice() {
+        [] => "nothing".to_owned(),
+        found => found.join("; "),
+    };
+    let amplitude = shown.amplitude.map(|x| format!(" ({} deg)", degrees(x)));
     let mut text = format!(
         "{}, simulated: every link, base and tool a little off, and joint {joint}'s gear out of \
          true once a turn.\n\
          1. measure: {identify} poses to fit, {verify} held back; noise {} mm\n\
-         2. identify: without and with the effect. Rms error of the poses held back:\n",
+         2. identify and diagnose; rms error of the poses held back:\n",
         shown.robot,
         three_digits(shown.noise * 1e3),
     );
     let names = [
         "base and tool aligned",
         "geometry identified",
-        "with the effect",
+        "with what was found",
     ];
     text += &table(&names, &shown.predicted);
     text += &format!(
-        "   joint {joint} gear-eccentricity, order 1: found {found} deg, hidden {hidden} deg\n\
+        "   found: {named}{}; hidden: joint {joint}, once a turn, {} deg\n\
          3. deploy: {} bytes for the controller\n\
          4. compensate, in single precision as the controller does, and execute; rms error of \
          the arm:\n",
+        amplitude.unwrap_or_default(),
+        degrees(shown.hidden),
         shown.parameters.len(),
     );
     let names = [
         "before, nominal commands",
         "after, geometry",
-        "after, with the effect",
+        "after, with what was found",
     ];
     text += &table(&names, &shown.executed);
     let [targets, left_out] = shown.targets;
@@ -188,7 +195,6 @@ fn json(shown: &Demonstration, options: &Options) -> Value {
             },
         })
     };
-    let [hidden, found] = shown.amplitude;
     let iso = shown.verified.iso9283.as_ref();
     json!({
         "robot": shown.robot,
@@ -196,8 +202,8 @@ fn json(shown: &Demonstration, options: &Options) -> Value {
         "held_back": both(&shown.predicted),
         "executed": both(&shown.executed),
         "targets": { "all": shown.targets[0], "left_out": shown.targets[1] },
-        "hidden": { "kind": "gear-eccentricity", "joint": options.joint, "order": 1, "amplitude": hidden },
-        "found": { "amplitude": found },
+        "hidden": { "kind": "gear-eccentricity", "joint": options.joint, "order": 1, "amplitude": shown.hidden },
+        "found": { "effects": shown.found, "amplitude": shown.amplitude },
         "verify": {
             "error_mm": {
                 "before": of(&shown.verified.before.position, 1e3),
