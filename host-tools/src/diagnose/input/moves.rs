@@ -13,7 +13,6 @@ use crate::identify::Stage;
 use crate::identify::linearize::Evaluator;
 use crate::identify::observation::Observation;
 use crate::identify::problem::Problem;
-use crate::identify::solve::misfit;
 use crate::measurement::Dataset;
 
 /// Chance below which something is found: 1e-8 after all trials.
@@ -21,7 +20,9 @@ const LN_LEVEL: f64 = -18.4;
 /// Rows looked at.
 const ROWS: usize = 600;
 /// A row whose mean square is this many times the typical one is left out.
-const GROSS: f64 = 100.0;
+const GROSS: f64 = 16.0;
+/// Times that rows are left out and the rest is fitted again.
+const GROSS_PASSES: usize = 4;
 /// Rows needed.
 const LEAST_ROWS: usize = 20;
 /// Part of what each joint's own share of the last move explains, that one common share has
@@ -47,15 +48,25 @@ pub(super) fn check(
     rows.sort_by_key(|o| o.row);
     let stride = rows.len().div_ceil(ROWS).max(1);
     let mut rows: Vec<&Observation> = rows.into_iter().step_by(stride).collect();
-    // gross errors say nothing of what all rows do
-    let misfits = misfit(&stage.arm, &rows, problem.sigmas);
-    let typical = middle(&misfits);
-    let mut each = misfits.iter();
-    rows.retain(|_| each.next().is_none_or(|m| *m < GROSS * typical));
+    let project = |rows: &[&Observation]| {
+        Projected::new(&stage.arm, &stage.fit.unknowns, rows, problem.sigmas)
+    };
+    let mut fitted = project(&rows);
+    for _ in 0..GROSS_PASSES {
+        // gross errors say nothing of what all rows do, and spoil the fit that shows them
+        let squares: Vec<f64> = (0..rows.len()).map(|i| fitted.row_square(i)).collect();
+        let typical = middle(&squares);
+        let mut each = squares.iter();
+        let before = rows.len();
+        rows.retain(|_| each.next().is_none_or(|square| *square < GROSS * typical));
+        if rows.len() == before {
+            break;
+        }
+        fitted = project(&rows);
+    }
     if rows.len() < LEAST_ROWS {
         return;
     }
-    let fitted = Projected::new(&stage.arm, &stage.fit.unknowns, &rows, problem.sigmas);
     let joints = Columns::new(problem, stage, &rows);
     let by_commands = commands(data, &fitted, &joints, &rows);
     let nuisance = || own_functions(&stage.arm, &rows, problem.sigmas);

@@ -3,12 +3,13 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 use truepose::effects::MAX_SENSORS;
-use truepose::{JointKind, Twist};
+use truepose::{JointKind, Parameter, Twist};
 
 use super::Subject;
 use crate::identify::arm::ArmModel;
-use crate::identify::linearize::Evaluator;
+use crate::identify::linearize::{Evaluator, linearize};
 use crate::identify::observation::{Observation, Sigmas};
+use crate::identify::unknown::Unknown;
 
 /// A displacement of the tool that is multiplied by a function of the row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +20,8 @@ pub(super) enum Mover {
     Base(usize),
     /// All joints together, each by its share of the last move.
     LastMove,
+    /// Length of a link.
+    Length(usize),
 }
 
 impl Mover {
@@ -34,6 +37,7 @@ impl Mover {
                 format!("the base, {kind} {},", ["x", "y", "z"][axis % 3])
             }
             Self::LastMove => "all joints together".to_owned(),
+            Self::Length(j) => format!("the length of link {}", j + 1),
         }
     }
 }
@@ -295,6 +299,7 @@ pub(super) fn design(arm: &ArmModel, observations: &[&Observation], sigmas: Sigm
                     Mover::Joint(j) => column.copy_from(&(units.column(j) * value)),
                     Mover::Base(axis) => column.copy_from(&(units.column(n + axis) * value)),
                     Mover::LastMove => column.copy_from(&early),
+                    Mover::Length(_) => {}
                 }
                 k += 1;
             }
@@ -314,6 +319,12 @@ pub(super) fn design(arm: &ArmModel, observations: &[&Observation], sigmas: Sigm
         solvers.push(solver(&units.columns(0, n).into_owned()));
         start += count;
     }
+    let lengths = lengths(arm, observations, sigmas, &mut shapes);
+    let before = columns.ncols();
+    let mut columns = columns.resize_horizontally(before + lengths.ncols(), 0.0);
+    columns
+        .columns_mut(before, lengths.ncols())
+        .copy_from(&lengths);
     let rows = observations.len().max(1) as f64;
     Design {
         shapes,
@@ -321,6 +332,54 @@ pub(super) fn design(arm: &ArmModel, observations: &[&Observation], sigmas: Sigm
         solvers,
         levers: squares.into_iter().map(|s| (s / rows).sqrt()).collect(),
     }
+}
+
+/// Lengths of links in proportion to each temperature that varies.
+fn lengths(
+    arm: &ArmModel,
+    observations: &[&Observation],
+    sigmas: Sigmas,
+    shapes: &mut Vec<Shape>,
+) -> DMatrix<f64> {
+    let mut unknowns = Vec::new();
+    for (j, joint) in arm.joints.iter().enumerate() {
+        for p in joint.parameters() {
+            if matches!(p, Parameter::A | Parameter::D) {
+                unknowns.push((j, Unknown::Joint(j, *p)));
+            }
+        }
+    }
+    let of: Vec<Unknown> = unknowns.iter().map(|u| u.1).collect();
+    let equations: usize = observations.iter().map(|o| o.equations()).sum();
+    let mut all = DMatrix::zeros(equations, 0);
+    let mut unit: Option<DMatrix<f64>> = None;
+    for sensor in 0..MAX_SENSORS {
+        let warm: Vec<f64> = (observations.iter())
+            .map(|o| o.ambient.temperature[sensor])
+            .collect();
+        if !varies(&warm) {
+            continue;
+        }
+        let scales = vec![1.0; of.len()];
+        let mut columns = unit
+            .get_or_insert_with(|| linearize(arm, &of, &scales, observations, sigmas).jacobian)
+            .clone();
+        let mut start = 0;
+        for (o, warm) in observations.iter().zip(&warm) {
+            let count = o.equations();
+            columns.rows_mut(start, count).scale_mut(*warm);
+            start += count;
+        }
+        shapes.extend(unknowns.iter().map(|&(j, _)| Shape {
+            subject: Subject::Temperature(sensor),
+            mover: Mover::Length(j),
+            function: "the temperature".to_owned(),
+        }));
+        let before = all.ncols();
+        all = all.resize_horizontally(before + of.len(), 0.0);
+        all.columns_mut(before, of.len()).copy_from(&columns);
+    }
+    all
 }
 
 /// Joint errors from one row's residual, each over its own standard deviation:
