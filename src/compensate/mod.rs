@@ -407,11 +407,11 @@ fn reach<T: Scalar, const N: usize>(model: &Model<'_, T, N>) -> T {
     reach
 }
 
-/// A number less itself is zero, unless it is not finite.
+/// Nothing times a number is nothing, unless the number is not finite.
 fn all_finite<T: Scalar>(numbers: &[T]) -> bool {
     numbers
         .iter()
-        .fold(T::zero(), |sum, &x| sum + (x - x))
+        .fold(T::zero(), |sum, &x| sum + x * T::zero())
         .finite()
 }
 

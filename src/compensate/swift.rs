@@ -145,8 +145,9 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             error = approach(&chain.joints, &q, tip, &target, &mut columns);
             now = Squares::of(&error);
             let better = now.position * (p * p) + now.orientation * (o * o);
-            // Not Newton's pace: written so that NaN is none either.
-            if !(better * T::of(16.0) <= square) {
+            // Newton's pace, which NaN does not have either.
+            let converging = better * T::of(16.0) <= square;
+            if !converging {
                 return None;
             }
         };
@@ -186,8 +187,9 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             };
             let step = share(column, y);
             *q += step;
-            // Written so that NaN is outside.
-            if !(*q > low && *q < high && (*q - start).abs() < bound) {
+            // NaN is outside.
+            let inside = *q > low && *q < high && (*q - start).abs() < bound;
+            if !inside {
                 return None;
             }
             way += step.abs();
