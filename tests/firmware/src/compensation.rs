@@ -29,7 +29,7 @@ pub fn scattered(
     index: usize,
 ) -> Request<f32, JOINTS> {
     let q = TRAVEL.map(|travel| travel * draws.symmetric());
-    let request = if index % 2 == 0 {
+    let request = if index.is_multiple_of(2) {
         Request::pose(model.nominal_pose(&q), q)
     } else {
         Request::joints(q)
