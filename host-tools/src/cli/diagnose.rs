@@ -6,6 +6,7 @@ use clap::Args;
 use truepose_host::deploy::{Origin, blob};
 use truepose_host::description::Robot;
 use truepose_host::diagnose::diagnose;
+use truepose_host::diagnose::input;
 use truepose_host::error::Error;
 use truepose_host::identify::readings::identify_file;
 use truepose_host::measurement::{self, Expected, Purpose};
@@ -46,12 +47,19 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     warn(&data.warnings);
     let explain = |failure: truepose_host::identify::Failure| failure.explain(data_file);
     let identified = identify_file(&robot, &data, Vec::new()).map_err(explain)?;
+    let findings = input::check(
+        &identified.problem,
+        &data,
+        &robot,
+        Some(&identified.calibration.geometric),
+    );
     let bar = indicatif::ProgressBar::new_spinner();
     bar.enable_steady_tick(std::time::Duration::from_millis(200));
     let diagnosis = diagnose(identified, &|step| bar.set_message(step.to_owned()));
     bar.finish_and_clear();
     let diagnosis = diagnosis.map_err(explain)?;
-    let report = Report::of_diagnosis(&robot.name, &data, &diagnosis).map_err(explain)?;
+    let report =
+        Report::of_diagnosis(&robot.name, &data, &diagnosis, &findings).map_err(explain)?;
     let bytes = blob(
         &robot,
         &diagnosis.identified.calibration,

@@ -37,7 +37,7 @@ pub enum Members {
 }
 
 impl Hypothesis {
-    /// Same kind, joint, order and other joint.
+    /// Same kind, joint, order, other joint and components.
     pub fn is_same(&self, other: &Self) -> bool {
         let near = |a: Option<f64>, b: Option<f64>| match (a, b) {
             (Some(a), Some(b)) => (a - b).abs() < 0.3,
@@ -47,7 +47,7 @@ impl Hypothesis {
             && self.joint == other.joint
             && self.from == other.from
             && near(self.order, other.order)
-            && self.constants() == other.constants()
+            && self.components() == other.components()
     }
 
     /// Number of values that it adds.
@@ -63,11 +63,12 @@ impl Hypothesis {
         self.len() == 0
     }
 
-    fn constants(&self) -> Vec<f64> {
+    /// Which components of its kind, in order. Constants that are refined do not count.
+    fn components(&self) -> Vec<Option<u8>> {
         match &self.members {
             Members::Effects(effects) => effects
                 .iter()
-                .flat_map(|e| e.model().constants().to_vec())
+                .map(|e| e.model().selector().component)
                 .collect(),
             Members::EarlyReading | Members::Curve(_) => Vec::new(),
         }

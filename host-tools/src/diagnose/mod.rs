@@ -7,6 +7,7 @@ pub mod input;
 pub mod model;
 pub mod noise;
 pub mod periodogram;
+mod refine;
 mod run;
 pub mod search;
 pub mod significance;

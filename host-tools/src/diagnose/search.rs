@@ -7,6 +7,7 @@ use super::hypothesis::{Hypothesis, Members, hypotheses};
 use super::model::Extended;
 use super::noise::estimated;
 use super::periodogram::peaks;
+use super::refine::refined;
 use super::space::{Score, Space, columns};
 use super::validate::{Blocks, Comparison, compare, folds};
 use crate::identify::Failure;
@@ -117,7 +118,7 @@ impl<'a> Search<'a> {
                 let mut accepted = model.accepted.clone();
                 accepted.push(step.hypothesis.clone());
                 model = self.fit(&model.arm, accepted)?;
-                model = self.pruned(model);
+                model = refined(self, self.pruned(model));
                 self.weigh(&model);
                 progress(&step.hypothesis.label());
                 steps.push(step);

@@ -8,6 +8,7 @@ use super::Report;
 use super::figures::significant;
 use super::schema::{Alternative, BlockErrors, Effect, Spread, Verdict};
 use crate::diagnose::hypothesis::{Hypothesis, Members};
+use crate::diagnose::input::Finding;
 use crate::diagnose::{Diagnosis, Named};
 use crate::identify::assess::Statistics;
 use crate::identify::unknown::Unknown;
@@ -17,11 +18,12 @@ use crate::measurement::Dataset;
 const MM: f64 = 1e3;
 
 impl Report {
-    /// Of a diagnosis. `robot`: its name.
+    /// Of a diagnosis. `robot`: its name. `input`: what is wrong with the table itself.
     pub fn of_diagnosis(
         robot: &str,
         data: &Dataset,
         diagnosis: &Diagnosis,
+        input: &[Finding],
     ) -> Result<Self, Failure> {
         let mut report = Self::new(robot, data, &diagnosis.identified)?;
         let stage = &diagnosis.identified.calibration.complete;
@@ -40,6 +42,10 @@ impl Report {
                 });
         report.summary.verdict = verdict(diagnosis);
         report.reasons = reasons(diagnosis);
+        for finding in input {
+            let (saw, advice) = (&finding.saw, &finding.advice);
+            report.noticed.insert(0, format!("input: {saw}; {advice}"));
+        }
         let sentences = [
             &report.reasons,
             &report.assumed,

@@ -1,0 +1,80 @@
+//! Constants that the model is not linear in: a step's time, a warm-up's time constant.
+
+use super::hypothesis::Members;
+use super::model::Extended;
+use super::search::Search;
+
+/// Steps in time that are tried at most around the best of the grid.
+const TIMES: usize = 40;
+
+/// Factors on a time constant that are tried, in two rounds.
+const FACTORS: [&[f64]; 2] = [
+    &[0.45, 0.6, 0.8, 1.25, 1.6, 2.2],
+    &[0.85, 0.92, 0.96, 1.04, 1.09, 1.18],
+];
+
+/// Moves every such constant of the model to where the fit is best.
+pub(super) fn refined(search: &Search<'_>, mut model: Extended) -> Extended {
+    for index in 0..model.accepted.len() {
+        match model.accepted[index].kind {
+            "step-change" => model = best(search, model, index, &times(search)),
+            "warm-up" => {
+                for factors in FACTORS {
+                    let Some(tau) = constant(&model, index) else {
+                        break;
+                    };
+                    let tried: Vec<f64> = factors.iter().map(|f| f * tau).collect();
+                    model = best(search, model, index, &tried);
+                }
+            }
+            _ => {}
+        }
+    }
+    model
+}
+
+fn constant(model: &Extended, index: usize) -> Option<f64> {
+    let effect = model.effects_of(index).first()?;
+    effect.model().constants().first().copied()
+}
+
+/// Midpoints between the times of successive rows, thinned evenly.
+fn times(search: &Search<'_>) -> Vec<f64> {
+    let mut times: Vec<f64> = search
+        .observations
+        .iter()
+        .map(|o| o.ambient.time)
+        .filter(|t| t.is_finite())
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    times.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect()
+}
+
+/// The model with the constant of an accepted hypothesis where the fit is best. For a long
+/// list only the values nearest to the present one are tried.
+fn best(search: &Search<'_>, model: Extended, index: usize, values: &[f64]) -> Extended {
+    let Some(present) = constant(&model, index) else {
+        return model;
+    };
+    let mut near = values.to_vec();
+    near.sort_by(|a, b| (a - present).abs().total_cmp(&(b - present).abs()));
+    near.truncate(TIMES);
+    let mut best = model.clone();
+    for value in near {
+        let mut accepted = model.accepted.clone();
+        if let Members::Effects(effects) = &mut accepted[index].members {
+            for effect in effects {
+                if let Some(first) = effect.model_mut().constants_mut().first_mut() {
+                    *first = value;
+                }
+            }
+        }
+        if let Ok(trial) = search.fit(&model.arm, accepted)
+            && trial.fit.cost < best.fit.cost
+        {
+            best = trial;
+        }
+    }
+    best
+}
