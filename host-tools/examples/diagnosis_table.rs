@@ -34,9 +34,12 @@ fn same(hypothesis: &Hypothesis, hidden: Hidden) -> bool {
         }
 }
 
-fn run(kind: &str, seed: u64) -> Result<Option<(Option<Hidden>, Diagnosis)>, Box<dyn Error>> {
+/// What was hidden, if anything, and what was made of it.
+type Run = (Option<Hidden>, Diagnosis);
+
+fn run(kind: &str, seed: u64) -> Result<Option<Run>, Box<dyn Error>> {
     let arm = ARMS[(seed % 4) as usize];
-    let seen = if seed % 2 == 0 {
+    let seen = if seed.is_multiple_of(2) {
         Seen::Position
     } else {
         Seen::Pose
