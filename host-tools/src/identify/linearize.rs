@@ -11,12 +11,24 @@ use super::unknown::Unknown;
 
 /// How one unknown reaches the measurement.
 enum Path {
-    Base { session: usize, unit: Twist<f64> },
+    Base {
+        session: usize,
+        unit: Twist<f64>,
+    },
     Attached([Option<AttachedTwist<f64>>; 2]),
+    /// The tool, which turns with whatever bends before it.
     Tool(AttachedTwist<f64>),
-    Target { target: usize, unit: Vector3<f64> },
-    Anchor { unit: Vector3<f64> },
-    Effect { effect: usize, value: usize },
+    Target {
+        target: usize,
+        unit: Vector3<f64>,
+    },
+    Anchor {
+        unit: Vector3<f64>,
+    },
+    /// Place among the values of all effects.
+    Effect {
+        place: usize,
+    },
     EarlyReading,
 }
 
@@ -43,7 +55,11 @@ fn paths(arm: &ArmModel, unknowns: &[Unknown]) -> Vec<Path> {
             unit: unit(axis),
         },
         Unknown::Anchor { axis } => Path::Anchor { unit: unit(axis) },
-        Unknown::Effect { effect, value } => Path::Effect { effect, value },
+        Unknown::Effect { effect, value } => {
+            let before = arm.effects.iter().take(effect);
+            let place = before.map(|e| e.model().values().len()).sum::<usize>() + value;
+            Path::Effect { place }
+        }
         Unknown::EarlyReading => Path::EarlyReading,
     };
     unknowns.iter().map(path).collect()
@@ -159,28 +175,29 @@ impl<'a> Evaluator<'a> {
     /// What a displacement of the tool (world axes at the tool point) does to the prediction
     /// of an observation, over sigma, into `out`.
     pub fn spread(&self, o: &Observation, twist: &Twist<f64>, out: &mut [f64]) {
-        let mut rows = out.iter_mut();
-        let mut push = |v: Vector3<f64>, sigma: f64| {
+        let s = &self.sigmas;
+        let mut rest = out;
+        let mut push = |v: &Vector3<f64>, sigma: f64| {
             let scale = 1.0 / sigma;
-            for (x, out) in v.iter().zip(rows.by_ref()) {
-                *out = x * scale;
+            if let Some((three, after)) = std::mem::take(&mut rest).split_first_chunk_mut::<3>() {
+                *three = [v.x * scale, v.y * scale, v.z * scale];
+                rest = after;
             }
         };
-        let s = &self.sigmas;
         if o.position.is_some() {
-            push(twist.linear, s.position);
+            push(&twist.linear, s.position);
         }
         if o.rotation.is_some() {
-            push(twist.angular, s.orientation);
+            push(&twist.angular, s.orientation);
         }
         for (measured, offset) in o.targets.iter().zip(&self.arm.targets) {
             if measured.is_some() {
-                push(twist.at(&(self.pose.rotation * offset)).linear, s.position);
+                push(&twist.at(&(self.pose.rotation * offset)).linear, s.position);
             }
         }
         if o.length.is_some() {
             let d = self.pose.translation - self.arm.anchor;
-            if let Some(out) = rows.next() {
+            if let Some(out) = rest.first_mut() {
                 *out = d.dot(&twist.linear) / (d.norm().max(1e-9) * s.length);
             }
         }
@@ -241,33 +258,41 @@ impl<'a> Evaluator<'a> {
         }
     }
 
-    fn column(&mut self, o: &Observation, path: &Path, out: &mut [f64]) {
+    /// Displacement of the tool per unit of an unknown that moves it, at the observation last
+    /// moved to; `None` for those that move something else. `effects`: twists of all values
+    /// of the arm's effects, one after the other.
+    fn twist(&self, o: &Observation, path: &Path, effects: &[Twist<f64>]) -> Option<Twist<f64>> {
         let p = self.pose.translation;
-        match path {
-            Path::Base { session, unit } => {
-                if *session == o.session {
-                    let arm = p - self.arm.bases[*session].translation;
-                    self.spread(o, &unit.at(&arm), out);
-                } else {
-                    out.fill(0.0);
-                }
+        Some(match path {
+            Path::Base { session, unit } if *session == o.session => {
+                unit.at(&(p - self.arm.bases[*session].translation))
             }
+            Path::Base { .. } => Twist::zero(),
             Path::Attached(twists) => {
                 let base = self.arm.baked_base(o.session);
                 let mut sum = Twist::zero();
                 for twist in twists.iter().flatten() {
                     sum = sum.plus(&twist.column(base, &self.frames, &p));
                 }
-                self.spread(o, &sum, out);
+                sum
             }
             Path::Tool(twist) => {
                 let base = self.arm.baked_base(o.session);
                 let rigid = twist.column(base, &self.frames, &self.rigid.translation);
                 // Whatever bends, bends before the tool, which turns with it.
                 let bent = self.pose.rotation * self.rigid.rotation.transpose();
-                let twist = Twist::new(bent * rigid.linear, bent * rigid.angular);
-                self.spread(o, &twist, out);
+                Twist::new(bent * rigid.linear, bent * rigid.angular)
             }
+            Path::Effect { place } => effects.get(*place).copied().unwrap_or_else(Twist::zero),
+            Path::EarlyReading => self.early_twist(o),
+            Path::Target { .. } | Path::Anchor { .. } => return None,
+        })
+    }
+
+    /// Column of an unknown that moves not the tool but what is measured of it.
+    fn column(&self, o: &Observation, path: &Path, out: &mut [f64]) {
+        let p = self.pose.translation;
+        match path {
             Path::Target { target, unit } => {
                 out.fill(0.0);
                 let mut at =
@@ -292,20 +317,16 @@ impl<'a> Evaluator<'a> {
                     }
                 }
             }
-            Path::EarlyReading => self.spread(o, &self.early_twist(o), out),
-            Path::Effect { effect, value } => {
-                out.fill(0.0);
-                if let Some(effect) = self.arm.effects.get(*effect) {
-                    let effect = *effect;
-                    let mut found = Twist::zero();
-                    self.effect_twists(o, &effect, |k, twist| {
-                        if k == *value {
-                            found = twist;
-                        }
-                    });
-                    self.spread(o, &found, out);
-                }
-            }
+            _ => out.fill(0.0),
+        }
+    }
+
+    /// Twists of all values of the arm's effects at the observation last moved to.
+    fn all_effect_twists(&mut self, o: &Observation, out: &mut Vec<Twist<f64>>) {
+        out.clear();
+        let arm = self.arm;
+        for effect in &arm.effects {
+            self.effect_twists(o, effect, |_, twist| out.push(twist));
         }
     }
 }
@@ -332,17 +353,28 @@ pub fn linearize(
     let mut jacobian = DMatrix::zeros(rows, unknowns.len());
     let mut residual = DVector::zeros(rows);
     let paths = paths(arm, unknowns);
+    let any_effect = paths.iter().any(|p| matches!(p, Path::Effect { .. }));
+    let mut effects = Vec::new();
     let mut evaluator = Evaluator::new(arm, sigmas);
     let mut start = 0;
     for o in observations {
         let end = start + o.equations();
         evaluator.observe(o);
         evaluator.residual(o, &mut residual.as_mut_slice()[start..end]);
-        for (k, (path, scale)) in paths.iter().zip(scales).enumerate() {
-            let column = &mut jacobian.as_mut_slice()[k * rows + start..k * rows + end];
-            evaluator.column(o, path, column);
-            for x in column {
-                *x *= scale;
+        if any_effect {
+            evaluator.all_effect_twists(o, &mut effects);
+        }
+        let columns = jacobian.as_mut_slice().chunks_exact_mut(rows.max(1));
+        for ((path, scale), column) in paths.iter().zip(scales).zip(columns) {
+            let column = &mut column[start..end];
+            match evaluator.twist(o, path, &effects) {
+                Some(twist) => evaluator.spread(o, &twist.scaled(*scale), column),
+                None => {
+                    evaluator.column(o, path, column);
+                    for x in column {
+                        *x *= scale;
+                    }
+                }
             }
         }
         start = end;

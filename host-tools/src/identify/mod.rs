@@ -27,9 +27,10 @@ use arm::ArmModel;
 use factor::Dropped;
 pub use failure::{Failure, ROWS_A_SESSION};
 use gross::gross;
-use observation::{Observation, Sigmas};
+use observation::Observation;
 use problem::Problem;
-use solve::{Prior, Solved, distinguishable, solve};
+pub(crate) use solve::fit;
+use solve::{Prior, Solved};
 use structure::{Structure, structure};
 use unknown::Unknown;
 
@@ -87,24 +88,6 @@ pub(crate) fn placement(problem: &Problem) -> Vec<Unknown> {
     }
     unknowns.extend((3..6).map(|axis| Unknown::Tool { axis }));
     unknowns
-}
-
-pub(crate) fn fit(
-    arm: &mut ArmModel,
-    candidates: &[Unknown],
-    observations: &[&Observation],
-    sigmas: Sigmas,
-    prior: Prior,
-) -> (Solved, Vec<(Unknown, Dropped)>) {
-    let selection = distinguishable(arm, candidates, observations, sigmas);
-    let kept: Vec<Unknown> = selection.kept.iter().map(|&k| candidates[k]).collect();
-    let fit = solve(arm, &kept, observations, sigmas, prior);
-    let dropped = selection
-        .dropped
-        .into_iter()
-        .map(|(k, why)| (candidates[k], why))
-        .collect();
-    (fit, dropped)
 }
 
 /// Unknowns of geometry and placement, in order of priority.
@@ -315,9 +298,18 @@ pub(crate) fn statuses(
         };
         statuses.push((*unknown, status));
     }
-    // The placement is a candidate even where the drawing says that it cannot show.
+    // The placement is a candidate even where the drawing says that it cannot show. Beta is
+    // offered to every joint and missed by none that did well without it.
     let elsewhere = |unknown: &Unknown| !candidates.contains(unknown);
-    for (unknown, why) in structure.dropped.iter().filter(|(u, _)| elsewhere(u)) {
+    let missed = |unknown: &Unknown| match unknown {
+        Unknown::Joint(j, truepose::Parameter::Beta) => arm
+            .joints
+            .get(*j)
+            .is_some_and(|joint| joint.beta.abs() > 0.0),
+        _ => true,
+    };
+    let told = structure.dropped.iter();
+    for (unknown, why) in told.filter(|(u, _)| elsewhere(u) && missed(u)) {
         statuses.push((
             *unknown,
             reason(why, &structure.candidates, "any measurement"),

@@ -1,9 +1,10 @@
 //! Gauss-Newton with Levenberg-Marquardt damping on scaled columns.
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use super::arm::ArmModel;
-use super::factor::{Selection, Triangle, select};
+use super::factor::{Dropped, Preconditioner, Selection, Triangle, select};
 use super::linearize::{Linear, linearize, residuals};
 use super::observation::{Observation, Sigmas};
 use super::unknown::{Unknown, apply};
@@ -12,8 +13,12 @@ use super::unknown::{Unknown, apply};
 /// by at least this many standard deviations; below, the data say less than the drawing.
 pub const VISIBLE: f64 = 0.5;
 
-/// Observations linearised at once: memory stays bounded for any number of rows.
-pub(super) const BLOCK: usize = 512;
+/// A column is another's combination when less than this share of it is left over.
+const RELATIVE: f64 = 1e-9;
+
+/// Observations linearised at once: memory stays bounded for any number of rows. Sums are
+/// taken over whole blocks in their order, so no result depends on the number of threads.
+pub(super) const BLOCK: usize = 256;
 
 const MAX_ITERATIONS: usize = 60;
 
@@ -25,8 +30,8 @@ pub struct Solved {
     pub unknowns: Vec<Unknown>,
     /// Of `unknowns`, SI units.
     pub covariance: DMatrix<f64>,
-    /// Singular values of the scaled Jacobian, largest first.
-    pub singular_values: Vec<f64>,
+    /// Upper triangle of the scaled Jacobian.
+    pub triangle: DMatrix<f64>,
     /// Sum of squares of the whitened residual.
     pub cost: f64,
     /// Scalar equations.
@@ -38,6 +43,11 @@ pub struct Solved {
 }
 
 impl Solved {
+    /// Singular values of the scaled Jacobian, largest first.
+    pub fn singular_values(&self) -> Vec<f64> {
+        super::structure::singular_values(&self.triangle)
+    }
+
     /// Estimated variance of a whitened residual (1 where the declared noise is right).
     pub fn variance(&self) -> f64 {
         let freedom = self.equations.saturating_sub(self.unknowns.len()).max(1);
@@ -51,10 +61,30 @@ impl Solved {
     }
 }
 
-fn blocks<'a, 'b>(
-    observations: &'a [&'b Observation],
-) -> impl Iterator<Item = &'a [&'b Observation]> {
-    observations.chunks(BLOCK)
+/// Does `work` on the linearisation of every block and folds the results in their order.
+fn over_blocks<R: Send>(
+    at: &Linearised<'_>,
+    observations: &[&Observation],
+    work: impl Fn(Linear) -> R + Sync,
+    mut fold: impl FnMut(R),
+) {
+    let each =
+        |block: &[&Observation]| work(linearize(at.arm, at.unknowns, at.scales, block, at.sigmas));
+    if observations.len() <= BLOCK {
+        fold(each(observations));
+        return;
+    }
+    let results: Vec<R> = observations.par_chunks(BLOCK).map(each).collect();
+    results.into_iter().for_each(fold);
+}
+
+/// What is linearised, and where.
+#[derive(Clone, Copy)]
+struct Linearised<'a> {
+    arm: &'a ArmModel,
+    unknowns: &'a [Unknown],
+    scales: &'a [f64],
+    sigmas: Sigmas,
 }
 
 /// Normal equations of all blocks, for the iterations only.
@@ -66,47 +96,125 @@ struct Normal {
     only: Option<Linear>,
 }
 
-fn normal(
-    arm: &ArmModel,
-    unknowns: &[Unknown],
-    scales: &[f64],
-    observations: &[&Observation],
-    sigmas: Sigmas,
-) -> Normal {
-    let n = unknowns.len();
-    let mut normal = Normal {
-        matrix: DMatrix::zeros(n, n),
-        gradient: DVector::zeros(n),
-        cost: 0.0,
-        only: None,
-    };
-    let single = observations.len() <= BLOCK;
-    for block in blocks(observations) {
-        let linear = linearize(arm, unknowns, scales, block, sigmas);
-        let transposed = linear.jacobian.transpose();
-        normal.matrix += &transposed * &linear.jacobian;
-        normal.gradient += &transposed * &linear.residual;
-        normal.cost += linear.residual.norm_squared();
-        if single {
-            normal.only = Some(linear);
+impl Normal {
+    fn new(at: &Linearised<'_>, observations: &[&Observation]) -> Self {
+        let n = at.unknowns.len();
+        let mut sum = Self {
+            matrix: DMatrix::zeros(n, n),
+            gradient: DVector::zeros(n),
+            cost: 0.0,
+            only: None,
+        };
+        let single = observations.len() <= BLOCK;
+        over_blocks(
+            at,
+            observations,
+            |linear| {
+                let transposed = linear.jacobian.transpose();
+                let matrix = &transposed * &linear.jacobian;
+                let gradient = &transposed * &linear.residual;
+                let cost = linear.residual.norm_squared();
+                (matrix, gradient, cost, single.then_some(linear))
+            },
+            |(matrix, gradient, cost, linear)| {
+                sum.matrix += matrix;
+                sum.gradient += gradient;
+                sum.cost += cost;
+                sum.only = linear;
+            },
+        );
+        sum
+    }
+
+    /// Which columns the observations can tell apart: orthogonal columns decide, except where
+    /// the normal equations already prove that all of them do.
+    fn selection(&self, at: &Linearised<'_>, observations: &[&Observation]) -> Selection {
+        if Preconditioner::new(&self.matrix).is_some_and(|p| p.keeps_all(VISIBLE, RELATIVE)) {
+            return Selection {
+                kept: (0..at.unknowns.len()).collect(),
+                dropped: Vec::new(),
+            };
+        }
+        select(
+            &self.triangle(at, observations, Prior::None).r,
+            VISIBLE,
+            RELATIVE,
+        )
+    }
+
+    /// The same for some of the unknowns.
+    fn of(self, kept: &[usize]) -> Self {
+        if kept.len() == self.gradient.len() {
+            return self;
+        }
+        Self {
+            matrix: self.matrix.select_rows(kept).select_columns(kept),
+            gradient: self.gradient.select_rows(kept),
+            cost: self.cost,
+            only: self.only.map(|linear| Linear {
+                jacobian: linear.jacobian.select_columns(kept),
+                residual: linear.residual,
+            }),
         }
     }
-    normal
-}
 
-fn triangle(
-    arm: &ArmModel,
-    unknowns: &[Unknown],
-    scales: &[f64],
-    observations: &[&Observation],
-    sigmas: Sigmas,
-) -> Triangle {
-    let mut triangle = Triangle::new(unknowns.len());
-    for block in blocks(observations) {
-        let linear = linearize(arm, unknowns, scales, block, sigmas);
-        triangle.push(&linear.jacobian, &linear.residual);
+    /// Orthogonal factorisation of the same Jacobian, `prior` being what has been added.
+    fn triangle(
+        &self,
+        at: &Linearised<'_>,
+        observations: &[&Observation],
+        prior: Prior,
+    ) -> Triangle {
+        let prior = prior.rows(at);
+        if let Some(first) = Preconditioner::new(&self.matrix)
+            && let Some(triangle) = self.second_round(&first, at, observations, prior.as_ref())
+        {
+            return triangle;
+        }
+        let mut triangle = Triangle::new(at.unknowns.len());
+        match &self.only {
+            Some(linear) => triangle.push(&linear.jacobian, &linear.residual),
+            None => {
+                for block in observations.chunks(BLOCK) {
+                    let linear = linearize(at.arm, at.unknowns, at.scales, block, at.sigmas);
+                    triangle.push(&linear.jacobian, &linear.residual);
+                }
+            }
+        }
+        if let Some(rows) = &prior {
+            triangle.push(&rows.jacobian, &rows.residual);
+        }
+        triangle
     }
-    triangle
+
+    fn second_round(
+        &self,
+        first: &Preconditioner,
+        at: &Linearised<'_>,
+        observations: &[&Observation],
+        prior: Option<&Linear>,
+    ) -> Option<Triangle> {
+        let products = |linear: &Linear| {
+            let whitened = first.whitened(&linear.jacobian);
+            let transposed = whitened.transpose();
+            let gram = &transposed * whitened;
+            (gram, transposed * &linear.residual)
+        };
+        let n = at.unknowns.len();
+        let (mut gram, mut projected) = (DMatrix::zeros(n, n), DVector::zeros(n));
+        let mut add = |(g, p): (DMatrix<f64>, DVector<f64>)| {
+            gram += g;
+            projected += p;
+        };
+        match &self.only {
+            Some(linear) => add(products(linear)),
+            None => over_blocks(at, observations, |linear| products(&linear), &mut add),
+        }
+        if let Some(rows) = prior {
+            add(products(rows));
+        }
+        first.triangle(&gram, &projected)
+    }
 }
 
 /// The unit of each column.
@@ -123,8 +231,13 @@ pub fn distinguishable(
     sigmas: Sigmas,
 ) -> Selection {
     let scales = scales(arm, candidates);
-    let triangle = triangle(arm, candidates, &scales, observations, sigmas);
-    select(&triangle.r, VISIBLE, 1e-9)
+    let at = Linearised {
+        arm,
+        unknowns: candidates,
+        scales: &scales,
+        sigmas,
+    };
+    Normal::new(&at, observations).selection(&at, observations)
 }
 
 /// Whether effects have a prior.
@@ -165,16 +278,25 @@ impl Prior {
         }
     }
 
-    /// The same as rows of the factorisation.
-    fn push(self, triangle: &mut Triangle, arm: &ArmModel, unknowns: &[Unknown], scales: &[f64]) {
-        for (k, (unknown, scale)) in unknowns.iter().zip(scales).enumerate() {
-            if let Some(deviation) = self.deviation(*unknown, arm) {
-                let mut row = DMatrix::zeros(1, unknowns.len());
-                row[(0, k)] = scale / deviation;
-                let value = DVector::from_element(1, -unknown.value(arm) / deviation);
-                triangle.push(&row, &value);
-            }
+    /// The same as rows of the Jacobian and the residual.
+    fn rows(self, at: &Linearised<'_>) -> Option<Linear> {
+        let rows: Vec<(usize, f64, f64)> = at
+            .unknowns
+            .iter()
+            .zip(at.scales)
+            .enumerate()
+            .filter_map(|(k, (unknown, scale))| {
+                let deviation = self.deviation(*unknown, at.arm)?;
+                Some((k, scale / deviation, -unknown.value(at.arm) / deviation))
+            })
+            .collect();
+        let mut jacobian = DMatrix::zeros(rows.len(), at.unknowns.len());
+        let mut residual = DVector::zeros(rows.len());
+        for (i, (k, weight, value)) in rows.iter().enumerate() {
+            jacobian[(i, *k)] = *weight;
+            residual[i] = *value;
         }
+        (!rows.is_empty()).then_some(Linear { jacobian, residual })
     }
 }
 
@@ -188,11 +310,63 @@ pub fn solve(
     prior: Prior,
 ) -> Solved {
     let scales = scales(arm, unknowns);
-    let mut here = normal(arm, unknowns, &scales, observations, sigmas);
+    let at = Linearised {
+        arm,
+        unknowns,
+        scales: &scales,
+        sigmas,
+    };
+    let start = Normal::new(&at, observations);
+    descend(arm, unknowns, scales, start, observations, sigmas, prior)
+}
+
+/// Fits those of `candidates` (in order of priority) that these observations can tell apart;
+/// returns the others with the reason. On return `arm` holds the solution.
+pub fn fit(
+    arm: &mut ArmModel,
+    candidates: &[Unknown],
+    observations: &[&Observation],
+    sigmas: Sigmas,
+    prior: Prior,
+) -> (Solved, Vec<(Unknown, Dropped)>) {
+    let scales = scales(arm, candidates);
+    let at = Linearised {
+        arm,
+        unknowns: candidates,
+        scales: &scales,
+        sigmas,
+    };
+    let start = Normal::new(&at, observations);
+    let Selection { kept, dropped } = start.selection(&at, observations);
+    let unknowns: Vec<Unknown> = kept.iter().map(|&k| candidates[k]).collect();
+    let scales = kept.iter().map(|&k| scales[k]).collect();
+    let start = start.of(&kept);
+    let fit = descend(arm, &unknowns, scales, start, observations, sigmas, prior);
+    let dropped = dropped
+        .into_iter()
+        .map(|(k, why)| (candidates[k], why))
+        .collect();
+    (fit, dropped)
+}
+
+/// Iterates from `start`, which is `arm` as it is.
+fn descend(
+    arm: &mut ArmModel,
+    unknowns: &[Unknown],
+    scales: Vec<f64>,
+    start: Normal,
+    observations: &[&Observation],
+    sigmas: Sigmas,
+    prior: Prior,
+) -> Solved {
+    let mut here = start;
     prior.add(&mut here, arm, unknowns, &scales);
     let mut damping = 0.0_f64;
     let mut iterations = 1;
     let mut converged = false;
+    let scaled = |step: &DVector<f64>| -> Vec<f64> {
+        step.iter().zip(&scales).map(|(x, s)| x * s).collect()
+    };
     while iterations < MAX_ITERATIONS {
         let mut damped = here.matrix.clone();
         for k in 0..unknowns.len() {
@@ -206,16 +380,22 @@ pub fn solve(
             continue;
         };
         let step = factor.solve(&here.gradient);
-        // What the linear model promises, in units of the noise squared.
+        // What the linear model promises, in units of the noise squared: a ten-thousandth of one
+        // standard deviation in all, and the last step leaves the square of that.
         let promised = step.dot(&here.gradient);
-        if promised <= 1e-10_f64.max(1e-13 * here.cost) {
+        if promised <= 1e-8_f64.max(1e-13 * here.cost) {
             converged = true;
             break;
         }
         let mut there_arm = arm.clone();
-        let moved: Vec<f64> = step.iter().zip(&scales).map(|(x, s)| x * s).collect();
-        apply(&mut there_arm, unknowns, &moved);
-        let mut there = normal(&there_arm, unknowns, &scales, observations, sigmas);
+        apply(&mut there_arm, unknowns, &scaled(&step));
+        let at = Linearised {
+            arm: &there_arm,
+            unknowns,
+            scales: &scales,
+            sigmas,
+        };
+        let mut there = Normal::new(&at, observations);
         prior.add(&mut there, &there_arm, unknowns, &scales);
         iterations += 1;
         if there.cost <= here.cost {
@@ -235,35 +415,32 @@ pub fn solve(
         }
     }
     // Last step and covariance from an orthogonal factorisation.
-    let mut last = match &here.only {
-        Some(linear) => {
-            let mut triangle = Triangle::new(unknowns.len());
-            triangle.push(&linear.jacobian, &linear.residual);
-            triangle
-        }
-        None => triangle(arm, unknowns, &scales, observations, sigmas),
+    let at = Linearised {
+        arm,
+        unknowns,
+        scales: &scales,
+        sigmas,
     };
-    prior.push(&mut last, arm, unknowns, &scales);
+    let last = here.triangle(&at, observations, prior);
     let mut cost = here.cost;
     if converged && let Some(step) = last.step() {
         let mut polished = arm.clone();
-        let moved: Vec<f64> = step.iter().zip(&scales).map(|(x, s)| x * s).collect();
-        apply(&mut polished, unknowns, &moved);
+        apply(&mut polished, unknowns, &scaled(&step));
+        cost = residuals(&polished, observations, sigmas).norm_squared();
         *arm = polished;
-        cost = last.remainder.max(0.0);
     }
     let mut covariance = last
         .covariance()
         .unwrap_or_else(|| DMatrix::zeros(unknowns.len(), unknowns.len()));
-    for i in 0..unknowns.len() {
-        for j in 0..unknowns.len() {
-            covariance[(i, j)] *= scales[i] * scales[j];
+    for (j, mut column) in covariance.column_iter_mut().enumerate() {
+        for (x, scale) in column.iter_mut().zip(&scales) {
+            *x *= scale * scales[j];
         }
     }
     Solved {
         unknowns: unknowns.to_vec(),
         covariance,
-        singular_values: super::structure::singular_values(&last.r),
+        triangle: last.r,
         cost,
         equations: observations.iter().map(|o| o.equations()).sum(),
         iterations,
