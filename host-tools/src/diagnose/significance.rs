@@ -73,8 +73,13 @@ mod tests {
             assert!((found - p).abs() < 0.004 * p + 0.0004, "{f} {found}");
         }
         // exact where the numerator has two degrees: P = (1 + 2 f / d)^(-d/2)
-        for (f, d) in [(0.01, 30.0), (1.0, 7.0), (900.0, 500.0), (1e5, 4000.0)] {
-            let exact = -d / 2.0 * (2.0 * f / d as f64).ln_1p();
+        for (f, d) in [
+            (0.01_f64, 30.0_f64),
+            (1.0, 7.0),
+            (900.0, 500.0),
+            (1e5, 4000.0),
+        ] {
+            let exact = -d / 2.0 * (2.0 * f / d).ln_1p();
             assert!((ln_p_of_f(f, 2.0, d) - exact).abs() < 1e-9 * exact.abs() + 1e-12);
         }
     }

@@ -113,7 +113,7 @@ impl Preconditioner {
     pub fn triangle(&self, gram: &DMatrix<f64>, projected: &DVector<f64>) -> Option<Triangle> {
         let n = gram.ncols();
         let off = gram - DMatrix::identity(n, n);
-        if !(off.amax() < 1e-3) {
+        if off.amax().is_nan() || off.amax() >= 1e-3 {
             return None;
         }
         let lower = gram.clone().cholesky()?.unpack();
