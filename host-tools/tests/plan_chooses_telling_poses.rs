@@ -131,12 +131,19 @@ fn predicted_error_falls_with_the_number_of_poses_like_one_over_its_root() {
 }
 
 #[test]
-fn first_poses_of_a_plan_are_better_than_its_last() {
+fn first_poses_of_a_plan_are_better_than_others_of_it() {
     let mut arm = arm(Arm::Puma560, Seen::Pose);
     let chosen = planned(&mut arm, &Settings::new(30));
     let first = assess(&mut arm, &chosen.poses[..12]).unwrap().o1();
-    let last = assess(&mut arm, &chosen.poses[18..]).unwrap().o1();
-    assert!(first > last, "{first} {last}");
+    // every run of twelve that starts later; each is a good set, so single ones come close
+    let later: Vec<f64> = (1..=18)
+        .map(|start| {
+            let poses = &chosen.poses[start..start + 12];
+            assess(&mut arm, poses).unwrap().o1()
+        })
+        .collect();
+    let mean = later.iter().sum::<f64>() / later.len() as f64;
+    assert!(first > mean, "{first} {mean}");
 }
 
 #[test]
