@@ -93,7 +93,7 @@ fn a_hidden_effect_is_named_and_taken_out() {
             let first = diagnosis.named.first().map(|n| &n.step.hypothesis);
             let [geometric, complete] = rms(&diagnosis);
             // The effect doubles the error; the half of it that noise makes stays.
-            if !first.is_some_and(|h| h.kind == kind) || complete > 0.75 * geometric {
+            if first.is_none_or(|h| h.kind != kind) || complete > 0.75 * geometric {
                 let named = first.map(|h| h.label());
                 missed.push(format!("{hidden:?} (seed {seed}): {named:?}"));
             }

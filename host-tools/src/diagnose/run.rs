@@ -122,12 +122,13 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
     let mut ambiguous = false;
     let mut before = rms(&arm, &verify);
     for (index, hypothesis) in model.accepted.iter().enumerate() {
-        let Some(step) = found
+        let known = found
             .steps
             .iter()
-            .find(|s| s.hypothesis.is_same(hypothesis))
-        else {
-            continue;
+            .find(|s| s.hypothesis.is_same(hypothesis));
+        let step = match known {
+            Some(step) => step.clone(),
+            None => exchanged(&search, &found.model, index),
         };
         let so_far = model.accepted[..=index].to_vec();
         let partial = Extended::fitted(&arm, &unknowns, so_far, &search.observations, sigmas);
@@ -135,7 +136,7 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
         let rivals = rivals(&search, &found.model, hypothesis);
         ambiguous |= rivals.iter().any(|r| r.delta_bic < UNDECIDED);
         named.push(Named {
-            step: step.clone(),
+            step,
             effects: model.effects_of(index).to_vec(),
             rms: [before, after],
             rivals,
@@ -164,6 +165,22 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
         blocks,
         ambiguous,
     })
+}
+
+/// What there is to say of a hypothesis that came in by exchange, or that others made
+/// smaller after it came in.
+fn exchanged(search: &Search<'_>, model: &Extended, index: usize) -> Step {
+    let hypothesis = model.accepted[index].clone();
+    let ln_p = match search.substitutes(model, index) {
+        Ok(found) => found.own.ln_p - hypothesis.ln_weight,
+        Err(_) => 0.0,
+    };
+    Step {
+        hypothesis,
+        ln_p,
+        held_back: None,
+        ranking: Vec::new(),
+    }
 }
 
 fn rms(arm: &ArmModel, observations: &[&Observation]) -> f64 {

@@ -45,7 +45,8 @@ pub struct Step {
     /// Logarithm of the probability by chance, all candidates considered.
     pub ln_p: f64,
     /// Held-back rms error with over without, on random folds, blocks in time, in space.
-    pub held_back: [f64; 3],
+    /// `None` for what came in by exchange.
+    pub held_back: Option<[f64; 3]>,
     /// The best candidates then.
     pub ranking: Vec<Ranked>,
 }
@@ -121,7 +122,11 @@ impl<'a> Search<'a> {
                 model = refined(self, self.pruned(model));
                 self.weigh(&model);
                 progress(&step.hypothesis.label());
-                steps.push(step);
+                let hypothesis = model.accepted.last().cloned();
+                steps.push(Step {
+                    hypothesis: hypothesis.unwrap_or(step.hypothesis),
+                    ..step
+                });
             }
             let before = model.accepted.clone();
             model = self.exchanged(model);
@@ -230,7 +235,7 @@ impl<'a> Search<'a> {
             return Ok(Some(Step {
                 hypothesis: candidate.clone(),
                 ln_p: scores[i].ln_p - candidate.ln_weight,
-                held_back: ratios,
+                held_back: Some(ratios),
                 ranking,
             }));
         }
@@ -309,7 +314,7 @@ impl<'a> Search<'a> {
                 ln_weight: candidate.ln_weight,
             },
             ln_p: ranking.first().map_or(0.0, |r| r.ln_p),
-            held_back: [comparison.ratio(), blocks[0], blocks[1]],
+            held_back: Some([comparison.ratio(), blocks[0], blocks[1]]),
             ranking: ranking.to_vec(),
         })
     }

@@ -104,12 +104,16 @@ fn sentence(named: &Named) -> String {
         _ => hypothesis.label(),
     };
     let [before, after] = named.rms.map(|rms| significant(rms * MM));
-    let [random, time, space] = named.step.held_back.map(|r| significant(r * 100.0));
     let mut sentence = format!(
-        "{what}: adding it takes the error of the verify rows from {before} mm to {after} mm \
-         (held back at random, in blocks of time and of joint space, {random} %, {time} % and \
-         {space} % of the error remain)"
+        "{what}: adding it takes the error of the verify rows from {before} mm to {after} mm"
     );
+    if let Some(held_back) = named.step.held_back {
+        let [random, time, space] = held_back.map(|r| significant(r * 100.0));
+        sentence += &format!(
+            " (held back at random, in blocks of time and of joint space, {random} %, {time} % and \
+             {space} % of the error remain)"
+        );
+    }
     let close: Vec<String> = named
         .rivals
         .iter()
