@@ -138,7 +138,7 @@ impl Cost {
     /// From the table for a Cortex-M4F at zero wait states. `joints`: N; `effects`: number of
     /// effects, as if all were of the costliest kind.
     ///
-    /// Measured on the emulated core by `tests/firmware` and rounded up; on other cores, or
+    /// An estimate, not yet a measured bound (`tools/cost` counts the real ones); on other cores, or
     /// with a clock that does not count core cycles, set `Settings::iteration_cycles`.
     pub fn worst(joints: usize, effects: usize) -> Self {
         let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
