@@ -27,7 +27,7 @@ const TRIES: usize = 12;
 const EXCHANGES: usize = 4;
 
 /// One candidate at the step that added it, or that looked for more.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Ranked {
     /// As a person says it.
     pub label: String,

@@ -77,6 +77,7 @@ impl Report {
                 .iter()
                 .map(|joint| joint_unit(joint.kind).0)
                 .collect(),
+            evidence: Vec::new(),
             reasons: judgement.reasons,
             assumed: Vec::new(),
             held_back: Vec::new(),

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use truepose::effects::Kind;
 
 use super::Report;
+use super::evidence::evidence;
 use super::figures::significant;
 use super::schema::{Alternative, BlockErrors, Effect, Spread, Verdict};
 use crate::diagnose::hypothesis::{Hypothesis, Members};
@@ -41,6 +42,7 @@ impl Report {
                     complete: spread(complete),
                 });
         report.summary.verdict = verdict(diagnosis);
+        report.evidence = evidence(diagnosis);
         report.reasons = reasons(diagnosis);
         for finding in input {
             let (saw, advice) = (&finding.saw, &finding.advice);

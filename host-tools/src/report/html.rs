@@ -5,10 +5,14 @@ use std::fmt::Write;
 use plotters::style::RGBColor;
 
 use super::Report;
+use super::evidence::Evidence;
 use super::figures::{drawn, shown, signed, significant};
 use super::schema::{Errors, Measured, Parameter, Status, Verdict};
 use super::svg;
 use super::text::{grouped, probability};
+
+/// Candidates listed for each effect.
+const CANDIDATES: usize = 8;
 
 const STYLE: &str = "
 body{font:15px/1.45 system-ui,sans-serif;color:#222;max-width:940px;margin:2em auto;padding:0 1em}
@@ -74,6 +78,9 @@ pub fn html(report: &Report) -> Result<String, Box<dyn std::error::Error>> {
     if effects {
         writeln!(out, "<h2>Effects</h2>")?;
         effect_table(&mut out, report)?;
+    }
+    for evidence in &report.evidence {
+        gave_away(&mut out, evidence)?;
     }
     residual(&mut out, report)?;
     writeln!(out, "<h2>Parameters</h2>")?;
@@ -189,6 +196,46 @@ fn effect_table(out: &mut String, report: &Report) -> std::fmt::Result {
         }
     }
     writeln!(out, "</table>")
+}
+
+/// Why this effect and no other: its covariate, its periodogram, its competitors.
+fn gave_away(out: &mut String, evidence: &Evidence) -> Result<(), Box<dyn std::error::Error>> {
+    let label = escaped(&evidence.label);
+    writeln!(out, "<h2>What gave it away: {label}</h2>")?;
+    if !evidence.panels.is_empty() {
+        writeln!(
+            out,
+            "<p>Held-back rows, each a point. Without the effect the residual follows what the \
+             effect depends on; with it, it should not.</p>"
+        )?;
+        key(out, &svg::before_and_after())?;
+    }
+    writeln!(out, "<div class=\"plots\">")?;
+    for panel in &evidence.panels {
+        writeln!(out, "{}", svg::against_covariate(panel)?)?;
+    }
+    if !evidence.periodogram.is_empty() {
+        writeln!(out, "{}", svg::periodogram(&evidence.periodogram, "the joint")?)?;
+    }
+    writeln!(out, "</div>")?;
+    if !evidence.ranking.is_empty() {
+        writeln!(
+            out,
+            "<table><tr><th>the best candidates then</th><th>of the squared residual</th>\
+             <th>p, all candidates considered</th></tr>"
+        )?;
+        for r in evidence.ranking.iter().take(CANDIDATES) {
+            writeln!(
+                out,
+                "<tr><td>{}</td><td>{} %</td><td>{}</td></tr>",
+                escaped(&r.label),
+                significant(100.0 * r.share),
+                probability(r.ln_p.exp().min(1.0))
+            )?;
+        }
+        writeln!(out, "</table>")?;
+    }
+    Ok(())
 }
 
 fn residual(out: &mut String, report: &Report) -> Result<(), Box<dyn std::error::Error>> {

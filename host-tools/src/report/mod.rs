@@ -6,6 +6,7 @@
 
 mod compose;
 mod diagnosed;
+pub mod evidence;
 mod figures;
 pub mod html;
 pub mod schema;
@@ -13,6 +14,7 @@ mod svg;
 pub mod text;
 mod verdict;
 
+use evidence::Evidence;
 use schema::{Spread, Summary};
 
 pub use verdict::Judgement;
@@ -28,6 +30,8 @@ pub struct Report {
     pub rows: Vec<Row>,
     /// One a joint: `"deg"` or `"mm"`.
     pub joint_units: Vec<&'static str>,
+    /// What gave each effect away, in the order of addition.
+    pub evidence: Vec<Evidence>,
     /// Why the verdict is what it is, a sentence each.
     pub reasons: Vec<String>,
     /// What the program assumed, a sentence each.

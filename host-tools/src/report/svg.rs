@@ -3,6 +3,7 @@
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
+use super::evidence::Panel;
 use super::{Distances, Report};
 
 /// Why a plot could not be drawn.
@@ -212,6 +213,83 @@ pub(super) fn against_joint(report: &Report, joint: usize) -> Result<String, Fai
                 Some(Circle::new((of(row), y), 2, colour.mix(0.55).filled()))
             }))?;
         }
+        Ok(())
+    })
+}
+
+/// Without the effect and with it.
+pub(super) fn before_and_after() -> [(&'static str, RGBColor); 2] {
+    [("without it", GEOMETRIC), ("with it", COMPLETE)]
+}
+
+/// Residual of the held-back rows against what an effect depends on, without and with it.
+pub(super) fn against_covariate(panel: &Panel) -> Result<String, Failure> {
+    let step = panel.points.len().div_ceil(POINTS).max(1);
+    let points: Vec<&[f64; 3]> = panel.points.iter().step_by(step).collect();
+    let (mut low, mut high) = points
+        .iter()
+        .fold((f64::MAX, f64::MIN), |(low, high), [x, ..]| (low.min(*x), high.max(*x)));
+    if high - low < 1e-9 {
+        (low, high) = (low - 1.0, high + 1.0);
+    }
+    let edge = 0.04 * (high - low);
+    let reach = points
+        .iter()
+        .fold(1e-9_f64, |m, [_, before, after]| m.max(before.abs()).max(after.abs()))
+        * 1.05;
+    draw((430, 260), |canvas| {
+        let mut chart = ChartBuilder::on(canvas)
+            .margin(8)
+            .x_label_area_size(40)
+            .y_label_area_size(64)
+            .build_cartesian_2d(low - edge..high + edge, -reach..reach)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(BLACK.mix(0.1))
+            .x_labels(6)
+            .y_labels(6)
+            .x_label_formatter(&|x| super::figures::drawn(*x))
+            .y_label_formatter(&|y| super::figures::drawn(*y))
+            .x_desc(&panel.x)
+            .y_desc(&panel.y)
+            .label_style(FONT)
+            .draw()?;
+        for (series, (_, colour)) in before_and_after().iter().enumerate() {
+            chart.draw_series(
+                points
+                    .iter()
+                    .map(|p| Circle::new((p[0], p[1 + series]), 2, colour.mix(0.55).filled())),
+            )?;
+        }
+        Ok(())
+    })
+}
+
+/// Share of a joint's squared error that each order takes, in percent.
+pub(super) fn periodogram(lines: &[[f64; 2]], joint: &str) -> Result<String, Failure> {
+    let top = lines.iter().fold(1.0_f64, |m, [_, share]| m.max(*share)) * 1.08;
+    let end = lines.last().map_or(1.0, |[order, _]| *order);
+    draw((430, 260), |canvas| {
+        let mut chart = ChartBuilder::on(canvas)
+            .margin(8)
+            .x_label_area_size(40)
+            .y_label_area_size(52)
+            .build_cartesian_2d(0.0..end, 0.0..top)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(BLACK.mix(0.1))
+            .x_labels(8)
+            .y_labels(6)
+            .x_label_formatter(&|x| super::figures::drawn(*x))
+            .y_label_formatter(&|y| super::figures::drawn(*y))
+            .x_desc(format!("periods a turn of {joint}"))
+            .y_desc("% of its squared error")
+            .label_style(FONT)
+            .draw()?;
+        let line: Vec<(f64, f64)> = lines.iter().map(|[x, y]| (*x, *y)).collect();
+        chart.draw_series([PathElement::new(line, GEOMETRIC.stroke_width(2))])?;
         Ok(())
     })
 }
