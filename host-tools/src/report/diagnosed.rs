@@ -8,9 +8,9 @@ use super::Report;
 use super::evidence::evidence;
 use super::figures::significant;
 use super::schema::{Alternative, BlockErrors, Effect, Spread, Verdict};
-use crate::diagnose::hypothesis::{Hypothesis, Members};
+use crate::diagnose::hypothesis::Members;
 use crate::diagnose::input::Finding;
-use crate::diagnose::{Diagnosis, Named};
+use crate::diagnose::{Diagnosis, Named, Rival};
 use crate::identify::assess::Statistics;
 use crate::identify::unknown::Unknown;
 use crate::identify::{Failure, Stage};
@@ -43,7 +43,7 @@ impl Report {
                 });
         report.summary.verdict = verdict(diagnosis);
         report.evidence = evidence(diagnosis);
-        report.reasons = reasons(diagnosis);
+        report.reasons = reasons(diagnosis, &report);
         for finding in input {
             let (saw, advice) = (&finding.saw, &finding.advice);
             report.noticed.insert(0, format!("input: {saw}; {advice}"));
@@ -76,9 +76,12 @@ fn verdict(diagnosis: &Diagnosis) -> Verdict {
     }
 }
 
-/// One sentence an effect, then what is left.
-fn reasons(diagnosis: &Diagnosis) -> Vec<String> {
-    let mut reasons: Vec<String> = diagnosis.named.iter().map(sentence).collect();
+/// One sentence of what was found, one of what is left.
+fn reasons(diagnosis: &Diagnosis, report: &Report) -> Vec<String> {
+    let mut reasons = Vec::new();
+    if let Some(found) = found(report) {
+        reasons.push(found);
+    }
     match &diagnosis.whiteness {
         Some(w) if w.structure => {
             let saw = w.tests.first().map_or("", |t| t.saw.as_str());
@@ -96,36 +99,35 @@ fn reasons(diagnosis: &Diagnosis) -> Vec<String> {
     reasons
 }
 
-fn sentence(named: &Named) -> String {
-    let hypothesis = &named.step.hypothesis;
-    let what = match hypothesis.kind {
-        "early-reading" => "the residual follows the size of the last move: the joints were \
-             probably read before the arm had settled (use the commanded joints, or wait; this is \
-             a fault of the recording and is not compensated)"
-            .to_owned(),
-        _ => hypothesis.label(),
-    };
-    let [before, after] = named.rms.map(|rms| significant(rms * MM));
-    let mut sentence = format!(
-        "{what}: adding it takes the error of the verify rows from {before} mm to {after} mm"
-    );
-    if let Some(held_back) = named.step.held_back {
-        let [random, time, space] = held_back.map(|r| significant(r * 100.0));
-        sentence += &format!(
-            " (held back at random, in blocks of time and of joint space, {random} %, {time} % and \
-             {space} % of the error remain)"
-        );
-    }
-    let close: Vec<String> = named
-        .rivals
+/// The effects in words, the largest gains first said, and the error before and after.
+fn found(report: &Report) -> Option<String> {
+    const SAID: usize = 3;
+    let last = report.evidence.last()?;
+    let said: Vec<String> = report
+        .evidence
         .iter()
-        .filter(|r| r.delta_bic < 10.0)
-        .map(|r| r.hypothesis.label())
+        .take(SAID)
+        .map(|e| {
+            let [before, after] = e.rms_mm.map(significant);
+            format!(
+                "{}: adding it takes the error from {before} mm to {after} mm",
+                e.words
+            )
+        })
         .collect();
-    if !close.is_empty() {
-        sentence += &format!("; these poses cannot rule out {}", close.join(", "));
+    let mut sentence = said.join("; ");
+    match report.evidence.len().saturating_sub(SAID) {
+        0 => {}
+        1 => sentence += "; one more",
+        more => sentence += &format!("; {more} more"),
     }
-    sentence
+    if report.evidence.len() > SAID {
+        sentence += &format!(" to {} mm", significant(last.rms_mm[1]));
+    }
+    if let Some(noise) = report.summary.noise_mm.declared {
+        sentence += &format!("; the instrument's noise is {} mm an axis", significant(noise));
+    }
+    Some(sentence)
 }
 
 /// One entry an effect; members of a group share the group's figures.
@@ -145,7 +147,7 @@ fn effects(named: &Named, stage: &Stage) -> Vec<Effect> {
         alternatives: named
             .rivals
             .iter()
-            .map(|r| alternative(&r.hypothesis, r.similarity, r.delta_bic))
+            .map(alternative)
             .collect(),
     };
     match &hypothesis.members {
@@ -216,13 +218,15 @@ fn effects(named: &Named, stage: &Stage) -> Vec<Effect> {
     }
 }
 
-fn alternative(hypothesis: &Hypothesis, similarity: f64, delta_bic: f64) -> Alternative {
+/// A rival as reports have it.
+pub(super) fn alternative(rival: &Rival) -> Alternative {
+    let hypothesis = &rival.hypothesis;
     Alternative {
         kind: hypothesis.kind.to_owned(),
         joint: hypothesis.joint.map(|j| j + 1),
         order: hypothesis.order,
         from: hypothesis.from.map(|j| j + 1),
-        similarity,
-        delta_bic,
+        similarity: rival.similarity,
+        delta_bic: rival.delta_bic,
     }
 }

@@ -3,6 +3,9 @@
 
 use truepose::effects::Effect;
 
+use super::diagnosed::alternative;
+use super::schema::Alternative;
+use super::words::words;
 use crate::diagnose::hypothesis::Members;
 use crate::diagnose::search::Ranked;
 use crate::diagnose::{Diagnosis, Named};
@@ -31,6 +34,16 @@ const UNIT: Sigmas = Sigmas {
 pub struct Evidence {
     /// The effect, as a person says it.
     pub label: String,
+    /// The same as an engineer would put it.
+    pub words: String,
+    /// Rms of the verify rows without it and with it, in the order of addition, mm.
+    pub rms_mm: [f64; 2],
+    /// Held-back rms error with over without it: random folds, blocks in time, in joint space.
+    pub held_back: Option<[f64; 3]>,
+    /// Logarithm of the probability by chance, all candidates considered.
+    pub ln_p: f64,
+    /// What else it could have been.
+    pub rivals: Vec<Alternative>,
     /// Residual against the covariate, a panel an effect of the group.
     pub panels: Vec<Panel>,
     /// The best candidates at the step that added it.
@@ -78,6 +91,11 @@ pub(super) fn evidence(diagnosis: &Diagnosis) -> Vec<Evidence> {
             };
             Evidence {
                 label: named.step.hypothesis.label(),
+                words: words(named, &identified.calibration.complete),
+                rms_mm: named.rms.map(|rms| 1e3 * rms),
+                held_back: named.step.held_back,
+                ln_p: named.step.ln_p,
+                rivals: named.rivals.iter().map(alternative).collect(),
                 panels: parts
                     .iter()
                     .map(|part| panel(part, complete, sigmas, &verify))

@@ -9,7 +9,7 @@ use super::evidence::Evidence;
 use super::figures::{drawn, shown, signed, significant};
 use super::schema::{Errors, Measured, Parameter, Status, Verdict};
 use super::svg;
-use super::text::{grouped, probability};
+use super::text::{RIVALS, grouped, held_back, probability, worse};
 
 /// Candidates listed for each effect.
 const CANDIDATES: usize = 8;
@@ -77,6 +77,7 @@ pub fn html(report: &Report) -> Result<String, Box<dyn std::error::Error>> {
 
     if effects {
         writeln!(out, "<h2>Effects</h2>")?;
+        steps(&mut out, &report.evidence)?;
         effect_table(&mut out, report)?;
     }
     for evidence in &report.evidence {
@@ -163,7 +164,7 @@ fn effect_table(out: &mut String, report: &Report) -> std::fmt::Result {
     writeln!(
         out,
         "<table><tr><th>effect</th><th>parameter</th><th>value</th><th>&plusmn;</th>\
-         <th>unit</th><th>p</th></tr>"
+         <th>unit</th></tr>"
     )?;
     for e in &s.effects {
         let name = e.name();
@@ -176,26 +177,50 @@ fn effect_table(out: &mut String, report: &Report) -> std::fmt::Result {
             let sigma = e.sigma.get(parameter);
             writeln!(
                 out,
-                "<tr><td>{}</td><td>{parameter}</td><td>{}</td><td>{}</td><td>{unit}</td>\
-                 <td>{}</td></tr>",
+                "<tr><td>{}</td><td>{parameter}</td><td>{}</td><td>{}</td><td>{unit}</td></tr>",
                 escaped(&name),
                 significant(value * factor),
-                sigma.map_or_else(|| "-".to_owned(), |s| significant(s * factor)),
-                probability(e.p_value)
-            )?;
-        }
-        for a in &e.alternatives {
-            writeln!(
-                out,
-                "<tr class=\"not\"><td>or {}</td><td colspan=\"5\" class=\"why\">similarity {}, \
-                 BIC worse by {}</td></tr>",
-                escaped(&a.name()),
-                significant(a.similarity),
-                significant(a.delta_bic)
+                sigma.map_or_else(|| "-".to_owned(), |s| significant(s * factor))
             )?;
         }
     }
     writeln!(out, "</table>")
+}
+
+/// What was added, in order, what it did for rows that its fits had not seen, its rivals.
+fn steps(out: &mut String, evidence: &[Evidence]) -> std::fmt::Result {
+    if evidence.is_empty() {
+        return Ok(());
+    }
+    writeln!(
+        out,
+        "<table><tr><th>added, in order</th><th>rms with it, mm</th>\
+         <th colspan=\"3\">% of the error that remains of rows left out<br>\
+         at random, by time, by joint space</th><th>p</th></tr>"
+    )?;
+    for e in evidence {
+        let [random, time, space] = held_back(e);
+        writeln!(
+            out,
+            "<tr><td>{}<br><small>{}</small></td><td>{}</td><td>{random}</td><td>{time}</td>\
+             <td>{space}</td><td>{}</td></tr>",
+            escaped(&e.label),
+            escaped(&e.words),
+            significant(e.rms_mm[1]),
+            probability(e.ln_p.exp().min(1.0))
+        )?;
+        for r in e.rivals.iter().take(RIVALS) {
+            writeln!(
+                out,
+                "<tr class=\"not\"><td>or {}</td><td colspan=\"5\" class=\"why\">similarity {}, \
+                 {}</td></tr>",
+                escaped(&r.name()),
+                significant(r.similarity),
+                worse(r.delta_bic)
+            )?;
+        }
+    }
+    writeln!(out, "</table><br>")
 }
 
 /// Why this effect and no other: its covariate, its periodogram, its competitors.

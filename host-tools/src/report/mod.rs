@@ -13,6 +13,7 @@ pub mod schema;
 mod svg;
 pub mod text;
 mod verdict;
+mod words;
 
 use evidence::Evidence;
 use schema::{Spread, Summary};

@@ -3,8 +3,12 @@
 use std::fmt::Write;
 
 use super::Report;
+use super::evidence::Evidence;
 use super::figures::{drawn, shown, signed, significant};
 use super::schema::{Effect, Errors, Measured, Noise, Parameter, Status, Verdict};
+
+/// Rivals listed for each effect.
+pub(super) const RIVALS: usize = 4;
 
 impl Verdict {
     /// In words.
@@ -61,6 +65,7 @@ fn write(report: &Report, out: &mut String) -> std::fmt::Result {
     for reason in &report.reasons {
         writeln!(out, "  {reason}")?;
     }
+    steps(out, &report.evidence)?;
     if named {
         writeln!(out)?;
         writeln!(out, "effects")?;
@@ -149,22 +154,60 @@ fn effect(out: &mut String, e: &Effect, parameters: &[Parameter]) -> std::fmt::R
             None => format!("{parameter} not identified"),
         });
     }
+    writeln!(out, "  {name}: {}", values.join(", "))
+}
+
+/// What was added, one a line, in order.
+fn steps(out: &mut String, evidence: &[Evidence]) -> std::fmt::Result {
+    if evidence.is_empty() {
+        return Ok(());
+    }
+    writeln!(out)?;
     writeln!(
         out,
-        "  {name}: {}; p {}",
-        values.join(", "),
-        probability(e.p_value)
+        "added, in order; rms of the held-back rows with it, mm; error that remains of rows left \
+         out of\nits fits at random, in blocks of time, of joint space, %; probability by chance"
     )?;
-    for a in &e.alternatives {
+    for e in evidence {
+        let held_back = held_back(e);
         writeln!(
             out,
-            "    or {}: similarity {}, BIC worse by {}",
-            a.name(),
-            significant(a.similarity),
-            significant(a.delta_bic)
+            "  {:<40}{:>8}   {:>5}{:>6}{:>6}   {}",
+            e.label,
+            significant(e.rms_mm[1]),
+            held_back[0],
+            held_back[1],
+            held_back[2],
+            probability(e.ln_p.exp().min(1.0))
         )?;
+        for r in e.rivals.iter().take(RIVALS) {
+            writeln!(
+                out,
+                "    or {}: similarity {}, {}",
+                r.name(),
+                significant(r.similarity),
+                worse(r.delta_bic)
+            )?;
+        }
     }
     Ok(())
+}
+
+/// The three held-back ratios in percent; dashes for what came in by exchange.
+pub(super) fn held_back(e: &Evidence) -> [String; 3] {
+    e.held_back.map_or_else(
+        || ["-", "-", "-"].map(str::to_owned),
+        |held_back| held_back.map(|r| significant(100.0 * r)),
+    )
+}
+
+/// A difference in BIC in words.
+pub(super) fn worse(delta_bic: f64) -> String {
+    if delta_bic < 0.0 {
+        format!("BIC better by {}", significant(-delta_bic))
+    } else {
+        format!("BIC worse by {}", significant(delta_bic))
+    }
 }
 
 /// Below 1e-16 the tail of a distribution says nothing any more.
