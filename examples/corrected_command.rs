@@ -30,13 +30,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 
     let blob = std::fs::read(&file).map_err(|e| format!("{file}: {e}"))?;
-    let model = truepose::params::decode::<f32, JOINTS>(&blob).map_err(|e| format!("{file}: {e:?}"))?;
+    let model =
+        truepose::params::decode::<f32, JOINTS>(&blob).map_err(|e| format!("{file}: {e:?}"))?;
     let mut compensator = Compensator::new(&model);
     // A controller has its cycle counter here; a clock that stands still never runs out.
     let clock = Counter::up(|| 0);
     let outcome = compensator.correct(&Request::joints(q), &mut Budget::cycles(&clock, u32::MAX));
 
-    println!("{:?} after {} iterations", outcome.status, outcome.iterations);
+    println!(
+        "{:?} after {} iterations",
+        outcome.status, outcome.iterations
+    );
     if let (Some(before), Some(after)) = (outcome.initial, outcome.remaining) {
         println!(
             "pose error by the model: {:.4} mm before, {:.4} mm after",

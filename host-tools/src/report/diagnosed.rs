@@ -125,7 +125,10 @@ fn found(report: &Report) -> Option<String> {
         sentence += &format!(" to {} mm", significant(last.rms_mm[1]));
     }
     if let Some(noise) = report.summary.noise_mm.declared {
-        sentence += &format!("; the instrument's noise is {} mm an axis", significant(noise));
+        sentence += &format!(
+            "; the instrument's noise is {} mm an axis",
+            significant(noise)
+        );
     }
     Some(sentence)
 }
@@ -144,11 +147,7 @@ fn effects(named: &Named, stage: &Stage) -> Vec<Effect> {
         p_value: named.step.ln_p.exp().min(1.0),
         rms_before_mm: named.rms[0] * MM,
         rms_after_mm: named.rms[1] * MM,
-        alternatives: named
-            .rivals
-            .iter()
-            .map(alternative)
-            .collect(),
+        alternatives: named.rivals.iter().map(alternative).collect(),
     };
     match &hypothesis.members {
         Members::EarlyReading => {

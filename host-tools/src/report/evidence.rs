@@ -125,7 +125,10 @@ fn parts(named: &Named, complete: &ArmModel) -> Vec<Part> {
         arm.bake();
         arm
     };
-    let sensor = named.effects.first().and_then(|e| e.model().selector().sensor);
+    let sensor = named
+        .effects
+        .first()
+        .and_then(|e| e.model().selector().sensor);
     let part = |joint, without| Part {
         kind: hypothesis.kind,
         joint,
@@ -168,7 +171,10 @@ fn parts(named: &Named, complete: &ArmModel) -> Vec<Part> {
 
 /// Root of the sum of squares of what the effect does to the predictions.
 fn moved(without: &ArmModel, complete: &ArmModel, observations: &[&Observation]) -> f64 {
-    let (mut a, mut b) = (Evaluator::new(without, UNIT), Evaluator::new(complete, UNIT));
+    let (mut a, mut b) = (
+        Evaluator::new(without, UNIT),
+        Evaluator::new(complete, UNIT),
+    );
     observations
         .iter()
         .map(|o| (b.observe(o).translation - a.observe(o).translation).norm_squared())
@@ -188,12 +194,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-fn panel(
-    part: &Part,
-    complete: &ArmModel,
-    sigmas: Sigmas,
-    observations: &[&Observation],
-) -> Panel {
+fn panel(part: &Part, complete: &ArmModel, sigmas: Sigmas, observations: &[&Observation]) -> Panel {
     match part.joint {
         Some(joint) if turns_the_joint(part.kind) => {
             joint_panel(part, joint, complete, sigmas, observations)
@@ -243,7 +244,11 @@ fn apparent(
     complete.spread(o, &complete.joint_twist(joint), &mut column);
     let length = dot(&column, &column);
     if length > 0.0 {
-        [dot(&column, &before) / length, dot(&column, &after) / length, length]
+        [
+            dot(&column, &before) / length,
+            dot(&column, &after) / length,
+            length,
+        ]
     } else {
         [0.0, 0.0, 0.0]
     }
@@ -420,7 +425,7 @@ fn harmonic(rows: &[[f64; 3]], order: f64) -> f64 {
         right += column * (e * w);
     }
     let of_mean = right[0] * right[0] / normal[(0, 0)];
-    normal
-        .cholesky()
-        .map_or(0.0, |factor| (right.dot(&factor.solve(&right)) - of_mean).max(0.0))
+    normal.cholesky().map_or(0.0, |factor| {
+        (right.dot(&factor.solve(&right)) - of_mean).max(0.0)
+    })
 }

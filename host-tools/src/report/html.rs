@@ -240,7 +240,11 @@ fn gave_away(out: &mut String, evidence: &Evidence) -> Result<(), Box<dyn std::e
         writeln!(out, "{}", svg::against_covariate(panel)?)?;
     }
     if !evidence.periodogram.is_empty() {
-        writeln!(out, "{}", svg::periodogram(&evidence.periodogram, "the joint")?)?;
+        writeln!(
+            out,
+            "{}",
+            svg::periodogram(&evidence.periodogram, "the joint")?
+        )?;
     }
     writeln!(out, "</div>")?;
     if !evidence.ranking.is_empty() {

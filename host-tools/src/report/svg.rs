@@ -228,15 +228,16 @@ pub(super) fn against_covariate(panel: &Panel) -> Result<String, Failure> {
     let points: Vec<&[f64; 3]> = panel.points.iter().step_by(step).collect();
     let (mut low, mut high) = points
         .iter()
-        .fold((f64::MAX, f64::MIN), |(low, high), [x, ..]| (low.min(*x), high.max(*x)));
+        .fold((f64::MAX, f64::MIN), |(low, high), [x, ..]| {
+            (low.min(*x), high.max(*x))
+        });
     if high - low < 1e-9 {
         (low, high) = (low - 1.0, high + 1.0);
     }
     let edge = 0.04 * (high - low);
-    let reach = points
-        .iter()
-        .fold(1e-9_f64, |m, [_, before, after]| m.max(before.abs()).max(after.abs()))
-        * 1.05;
+    let reach = points.iter().fold(1e-9_f64, |m, [_, before, after]| {
+        m.max(before.abs()).max(after.abs())
+    }) * 1.05;
     draw((430, 260), |canvas| {
         let mut chart = ChartBuilder::on(canvas)
             .margin(8)

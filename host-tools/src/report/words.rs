@@ -16,9 +16,10 @@ pub(super) fn words(named: &Named, stage: &Stage) -> String {
         || "the joints' gears".to_owned(),
         |joint| format!("{joint}'s gear"),
     );
-    let bearing = joint
-        .as_ref()
-        .map_or_else(|| "the arm".to_owned(), |joint| format!("{joint}'s bearing"));
+    let bearing = joint.as_ref().map_or_else(
+        || "the arm".to_owned(),
+        |joint| format!("{joint}'s bearing"),
+    );
     let link = hypothesis
         .joint
         .map_or_else(|| "the links".to_owned(), |j| format!("link {}", j + 1));
@@ -40,12 +41,18 @@ pub(super) fn words(named: &Named, stage: &Stage) -> String {
         }
     };
     let minutes = || {
-        let constants = named.effects.first().map(|e| e.model().constants().to_vec());
+        let constants = named
+            .effects
+            .first()
+            .map(|e| e.model().constants().to_vec());
         let first = constants.and_then(|c| c.first().copied()).unwrap_or(0.0);
         format!("{} min", significant(first / 60.0))
     };
     match hypothesis.kind {
-        "joint-gain" => format!("{one} moves {} % more or less than it says", significant(100.0 * size)),
+        "joint-gain" => format!(
+            "{one} moves {} % more or less than it says",
+            significant(100.0 * size)
+        ),
         "gear-eccentricity" => format!("{gear} runs out of true {order}, {}", angle(size)),
         "gear-ripple" => format!("{gear} ripples {order}, {}", angle(size)),
         "joint-curve" => {
