@@ -9,11 +9,15 @@ pub mod compensate;
 pub mod effects;
 pub mod jacobian;
 mod joint;
+#[cfg(feature = "link")]
+pub mod link;
 pub mod model;
 pub mod params;
 mod pose;
 mod scalar;
 mod settings;
+#[cfg(feature = "storage")]
+pub mod storage;
 
 pub use chain::{BakedJoint, Frame, Gauge, LinkMass, bake, forward};
 pub use joint::{Convention, Joint, JointKind, Parameter, ParameterTwist};

@@ -36,7 +36,19 @@ pub const UNLIMITED: [f64; 2] = [-100.0, 100.0];
 /// The largest magnitude that any number in a blob may have.
 pub const LARGEST: f64 = 1e9;
 
-const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+static CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+
+/// CRC-32 of `bytes`, as blobs, slots and frames carry it (ISO-HDLC, the one of zlib).
+pub fn checksum(bytes: &[u8]) -> u32 {
+    CRC.checksum(bytes)
+}
+
+/// [`checksum`] of what has the checksum `crc`, followed by `bytes`; that of nothing is 0.
+pub fn checksum_onwards(crc: u32, bytes: &[u8]) -> u32 {
+    let mut digest = CRC.digest_with_initial((!crc).reverse_bits());
+    digest.update(bytes);
+    digest.finalize()
+}
 
 /// An arm as it is described: base, joints with what gravity acts on, tool.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -165,7 +177,7 @@ impl<'a> Blob<'a> {
             .chain(LAYOUT.to_le_bytes())
             .chain([joints, 0])
             .chain(size.to_le_bytes())
-            .chain(CRC.checksum(body).to_le_bytes());
+            .chain(checksum(body).to_le_bytes());
         for (byte, value) in header.iter_mut().zip(fields) {
             *byte = value;
         }
@@ -364,7 +376,7 @@ fn open(bytes: &[u8]) -> Result<(usize, &[u8]), BlobError> {
             expected,
         });
     }
-    if CRC.checksum(body) != u32::from_le_bytes([c0, c1, c2, c3]) {
+    if checksum(body) != u32::from_le_bytes([c0, c1, c2, c3]) {
         return Err(BlobError::Checksum);
     }
     Ok((usize::from(joints), body))

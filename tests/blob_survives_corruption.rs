@@ -9,7 +9,9 @@ use blobs::blob;
 use nalgebra::Vector3;
 use support::Random;
 use truepose::effects::{Effect, GearEccentricity, JointCompliance, JointGain};
-use truepose::params::{Blob, BlobError, Description, HEADER, Provenance, decode};
+use truepose::params::{
+    Blob, BlobError, Description, HEADER, Provenance, checksum, checksum_onwards, decode,
+};
 use truepose::{Convention, Joint, JointKind, LinkMass, Settings, StoredPose};
 
 const ROOM: usize = 16_384;
@@ -347,4 +349,15 @@ fn other_layouts_and_joint_counts_are_refused_by_name() {
     });
     assert_eq!(decode::<f32, 5>(&lying).err(), wrong);
     assert_eq!(Blob::decode(&lying).err(), wrong);
+}
+
+#[test]
+fn a_checksum_may_be_taken_in_pieces() {
+    let bytes: Vec<u8> = (0..100).map(|k: u8| k.wrapping_mul(37)).collect();
+    for cut in 0..=bytes.len() {
+        let (one, two) = bytes.split_at(cut);
+        let crc = checksum_onwards(checksum_onwards(0, one), two);
+        assert_eq!(crc, crc32(&bytes));
+    }
+    assert_eq!(checksum(&bytes), crc32(&bytes));
 }

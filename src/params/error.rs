@@ -2,8 +2,11 @@
 
 use core::fmt;
 
-/// Why a blob was refused, read or written. Joints and effects count from 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+use serde::{Deserialize, Serialize};
+
+/// Why a blob was refused, read or written. Joints and effects count from 1. Over the link a
+/// variant goes by its position: append, never reorder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum BlobError {
     /// Not even a header.
     TooShort {

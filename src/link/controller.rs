@@ -1,0 +1,123 @@
+//! The controller's end of the link: bytes in, bytes out.
+
+use embedded_io::{Read, ReadReady, Write, WriteReady};
+
+use super::desk::Desk;
+use super::frame::{Decoder, Frame};
+use super::message::{Active, Answer, Reply, Stage};
+use super::tally::Tally;
+use crate::storage::{Memory, Store};
+
+/// Bytes that a call of [`Link::poll`] reads or writes at most.
+const PIECE: usize = 64;
+
+/// What a call of [`Link::poll`] came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// There was nothing to do.
+    Idle,
+    /// Something was done.
+    Worked,
+    /// A new blob is kept. It stands at the beginning of the room, decoded once and found to
+    /// be for this robot; what comes next over the link overwrites it. Put it to use and say
+    /// so with [`Link::put_to_use`].
+    Saved(Active),
+}
+
+/// The controller's end of the link.
+#[derive(Debug)]
+pub struct Link<'n> {
+    desk: Desk<'n>,
+    decoder: Decoder,
+    /// Read, and not yet looked at: `inbox[next..end]`.
+    inbox: [u8; PIECE],
+    next: usize,
+    end: usize,
+    /// Going out, and how much of it has gone.
+    out: Frame,
+    sent: usize,
+}
+
+impl<'n> Link<'n> {
+    /// `robot`: the name that blobs must bear, at most 64 bytes; `firmware`: for people, at
+    /// most 32 bytes; longer names count as empty. `joints`: N of the compensator.
+    pub fn new(robot: &'n str, firmware: &'n str, joints: u8) -> Self {
+        Self {
+            desk: Desk::new(robot, firmware, joints),
+            decoder: Decoder::new(),
+            inbox: [0; PIECE],
+            next: 0,
+            end: 0,
+            out: Frame::empty(),
+            sent: 0,
+        }
+    }
+
+    /// `active` are the parameters in use from now on.
+    pub fn put_to_use(&mut self, active: Active) {
+        self.desk.active = Some(active);
+    }
+
+    /// How far a transfer is: what the next call of [`Link::poll`] may do.
+    pub fn stage(&self) -> Stage {
+        self.desk.stage()
+    }
+
+    /// One piece of work: sends at most 64 bytes of an answer, or takes in at most 64 bytes and
+    /// answers at most one request, or checks a blob that has come, or does one step of keeping
+    /// it. Never waits for `stream`; for the memory only as [`Store::step`] does.
+    ///
+    /// `room`: where blobs are received, the same at every call; not where the parameters in
+    /// use are. `tally`: what the loop did.
+    ///
+    /// An error of `stream` loses at most the frame that was coming: go on polling.
+    pub fn poll<S, M>(
+        &mut self,
+        stream: &mut S,
+        store: &mut Store<M>,
+        room: &mut [u8],
+        tally: &Tally,
+    ) -> Result<Event, S::Error>
+    where
+        S: Read + ReadReady + Write + WriteReady,
+        M: Memory,
+    {
+        if let Some(rest @ [_, ..]) = self.out.bytes().get(self.sent..) {
+            if !stream.write_ready()? {
+                return Ok(Event::Idle);
+            }
+            let piece = rest.get(..PIECE).unwrap_or(rest);
+            self.sent += stream.write(piece)?;
+            return Ok(Event::Worked);
+        }
+        if self.next >= self.end && stream.read_ready()? {
+            (self.next, self.end) = (0, 0);
+            self.end = stream.read(&mut self.inbox)?;
+        }
+        let mut event = Event::Idle;
+        while let Some(&byte) = self.inbox.get(self.next..self.end).and_then(<[u8]>::first) {
+            self.next += 1;
+            event = Event::Worked;
+            if let Some(frame) = self.decoder.feed(byte) {
+                let largest = store.room().min(room.len());
+                if let Some((number, reply)) = self.desk.answer(frame, largest, room, tally) {
+                    (self.out, self.sent) = (framed(number, reply), 0);
+                }
+                return Ok(event);
+            }
+        }
+        if let Some(work) = self.desk.work(store, room) {
+            event = work.event;
+            if let Some((number, reply)) = work.reply {
+                (self.out, self.sent) = (framed(number, reply), 0);
+            }
+        }
+        Ok(event)
+    }
+}
+
+/// An answer, ready to go out.
+fn framed(number: u16, reply: Reply<'_>) -> Frame {
+    // No answer is longer than a frame: its names are short.
+    Frame::of(&Answer { number, reply }).unwrap_or(Frame::empty())
+}
