@@ -14,7 +14,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::{Joint, JointKind, Pose, Scalar};
+use crate::{Convention, Joint, JointKind, Pose, Scalar};
 
 /// What gravity acts on in one link.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -159,44 +159,51 @@ pub fn bake<T: Scalar>(
             }
             Some(beyond) => {
                 // rotation = Rz(phi) Rx(alpha) Rz(theta of the next joint)
-                let r = &link.rotation;
+                let (r, t) = (&link.rotation, link.translation);
                 let (sx, sy) = (r[(0, 2)], -r[(1, 2)]);
                 let tiny = T::EPSILON * T::of(16.0);
-                let mut phi = if sx * sx + sy * sy > tiny * tiny {
-                    sx.arctangent2(sy)
+                let square = sx * sx + sy * sy;
+                let (mut s, mut c) = if square > tiny * tiny {
+                    let norm = square.root();
+                    (sx / norm, sy / norm)
                 } else {
-                    T::zero()
+                    (T::zero(), T::one())
                 };
-                let mut rest = Pose::rotate_z(-phi).rotation * r;
-                if rest[(0, 0)] < T::zero() {
+                if r[(0, 0)] * c + r[(1, 0)] * s < T::zero() {
                     // Half a turn on both sides, and alpha changes sign: theta stays small.
-                    phi += T::pi();
-                    rest = Pose::rotate_z(-phi).rotation * r;
+                    (s, c) = (-s, -c);
                 }
-                beyond.theta = (-rest[(0, 1)]).arctangent2(rest[(0, 0)]);
-                let (s, c) = beyond.theta.sincos();
-                beyond.sincos_theta = [s, c];
-                baked.sin_alpha = -rest[(1, 2)];
-                baked.cos_alpha = rest[(2, 2)];
-                let turn = Pose::rotate_z(phi);
-                let t = link.translation;
+                // Of Rz(-phi) rotation = Rx(alpha) Rz(theta): cosine and sine of theta, alpha.
+                let (cosine, sine) = (
+                    r[(0, 0)] * c + r[(1, 0)] * s,
+                    -(r[(0, 1)] * c + r[(1, 1)] * s),
+                );
+                beyond.theta = sine.arctangent2(cosine);
+                let (sine, cosine) = beyond.theta.sincos();
+                beyond.sincos_theta = [sine, cosine];
+                baked.sin_alpha = r[(0, 2)] * s - r[(1, 2)] * c;
+                baked.cos_alpha = r[(2, 2)];
+                let (o, i) = (T::zero(), T::one());
+                let turn = Matrix3::new(c, -s, o, s, c, o, o, o, i);
                 match joint.kind {
                     JointKind::Revolute => {
-                        let across = turn.rotation.transpose() * t;
-                        baked.tx = across.x;
-                        baked.ty = across.y;
-                        Pose::new(turn.rotation, Vector3::new(T::zero(), T::zero(), t.z))
+                        baked.tx = t.x * c + t.y * s;
+                        baked.ty = t.y * c - t.x * s;
+                        Pose::new(turn, Vector3::new(o, o, t.z))
                     }
-                    JointKind::Prismatic => Pose::new(turn.rotation, t),
+                    JointKind::Prismatic => Pose::new(turn, t),
                 }
             }
         };
         *gauge = slide.inverse();
         baked.mass = LinkMass {
             mass: mass.mass,
-            com: gauge.then(&after).point(&mass.com),
+            com: gauge.point(&after.point(&mass.com)),
         };
-        next = joint.before().then(&slide);
+        next = match joint.convention {
+            Convention::Dh | Convention::Hayati => slide,
+            Convention::Mdh | Convention::ZeroReference => joint.before().then(&slide),
+        };
         beyond = Some(baked);
     }
     (base.then(&next), baked_tool)

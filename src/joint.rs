@@ -209,11 +209,11 @@ impl<T: Scalar> Joint<T> {
         let y = z.cross(&helper);
         let y = y / y.norm_squared().root();
         let x = y.cross(&z);
-        Pose::new(Matrix3::from_columns(&[x, y, z]), self.point).then(
-            &Pose::translate(self.shift[0], self.shift[1], T::zero())
-                .then(&Pose::rotate_x(self.turn[0]))
-                .then(&Pose::rotate_y(self.turn[1])),
-        )
+        let [across, along] = self.shift;
+        let origin = self.point + x * across + y * along;
+        Pose::new(Matrix3::from_columns(&[x, y, z]), origin)
+            .turned_x(self.turn[0])
+            .turned_y(self.turn[1])
     }
 
     /// Constant transform from the previous link's distal frame to the joint frame, z along
@@ -222,8 +222,8 @@ impl<T: Scalar> Joint<T> {
         match self.convention {
             Convention::Dh | Convention::Hayati => Pose::identity(),
             Convention::Mdh => Pose::rotate_x(self.alpha)
-                .then(&Pose::translate(self.a, T::zero(), T::zero()))
-                .then(&Pose::rotate_y(self.beta)),
+                .moved_x(self.a)
+                .turned_y(self.beta),
             Convention::ZeroReference => self.axis_frame(),
         }
     }
@@ -231,13 +231,13 @@ impl<T: Scalar> Joint<T> {
     /// Constant transform from the joint frame after the motion to the link's distal frame.
     /// The reading's offset is in here, where it commutes with the motion.
     pub fn after(&self) -> Pose<T> {
-        let offset =
-            Pose::rotate_z(self.theta).then(&Pose::translate(T::zero(), T::zero(), self.d));
+        let mut offset = Pose::rotate_z(self.theta);
+        offset.translation.z = self.d;
         match self.convention {
             Convention::Dh | Convention::Hayati => offset
-                .then(&Pose::translate(self.a, T::zero(), T::zero()))
-                .then(&Pose::rotate_x(self.alpha))
-                .then(&Pose::rotate_y(self.beta)),
+                .moved_x(self.a)
+                .turned_x(self.alpha)
+                .turned_y(self.beta),
             Convention::Mdh => offset,
             Convention::ZeroReference => offset.then(&self.axis_frame().inverse()),
         }

@@ -158,6 +158,16 @@ impl<T: Scalar, const N: usize> BakedChain<T, N> {
         }
     }
 
+    /// No arm at all: every joint turns about the world's z.
+    pub fn identity() -> Self {
+        Self {
+            base: Pose::identity(),
+            joints: [BakedJoint::identity(); N],
+            tool: Pose::identity(),
+            gravity: Vector3::zeros(),
+        }
+    }
+
     /// The same in another number type, rounded once.
     pub fn cast<U: Scalar>(&self) -> BakedChain<U, N> {
         BakedChain {
@@ -229,6 +239,19 @@ impl<T: Scalar, const N: usize> Room<T, N> {
 }
 
 impl<T: Scalar, const N: usize> Model<'_, T, N> {
+    /// The place of a model that [`crate::params::decode_into`] is to fill: an arm without
+    /// length that cannot move.
+    pub fn empty() -> Self {
+        Self {
+            nominal: BakedChain::identity(),
+            calibrated: BakedChain::identity(),
+            effects: Vec::new(),
+            limits: [[T::zero(); 2]; N],
+            resolution: [T::zero(); N],
+            settings: Settings::default(),
+        }
+    }
+
     /// Where the calibrated arm's tool is in the world.
     pub fn predict(&self, q: &[T; N], conditions: &Conditions<T, N>) -> Pose<T> {
         let mut room = Room::<T, N>::default();

@@ -1,10 +1,13 @@
 //! The blob: everything that the controller has to know of its arm, in one piece of bytes.
 //!
 //! `docs/BLOB.md` is the standard; this follows it. The host writes with [`Blob::encode`], the
-//! controller reads with [`decode`], whoever does not know the number of joints beforehand
-//! reads with [`Blob::decode`].
+//! controller reads with [`decode`] or [`decode_into`], whoever does not know the number of
+//! joints beforehand reads with [`Blob::decode`].
 
+mod body;
+mod check;
 mod error;
+mod load;
 mod numbers;
 
 use heapless::{String, Vec};
@@ -29,6 +32,12 @@ pub const MAGIC: [u8; 4] = *b"TPB\0";
 
 /// Length of the header in bytes.
 pub const HEADER: usize = 16;
+
+/// Bytes of the name of a robot or of measurements, at most.
+pub const NAME: usize = 64;
+
+/// Bytes of any other text, at most.
+pub const LABEL: usize = 32;
 
 /// Limits of a joint command that has none: as far as sine and cosine in `f32` are exact.
 pub const UNLIMITED: [f64; 2] = [-100.0, 100.0];
@@ -67,11 +76,11 @@ pub struct Description {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Provenance {
     /// What wrote the blob, with its version.
-    pub tool: String<32>,
+    pub tool: String<LABEL>,
     /// Name of the measurements.
-    pub data: String<64>,
+    pub data: String<NAME>,
     /// Date of the measurements or of the fit, as its writer puts it; may be empty.
-    pub date: String<32>,
+    pub date: String<LABEL>,
     /// Rows that the fit used.
     pub rows_identify: u32,
     /// Rows held back from it.
@@ -87,7 +96,7 @@ pub struct Provenance {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Blob<'a> {
     /// Name of the robot.
-    pub robot: String<64>,
+    pub robot: String<NAME>,
     /// What the controller's own kinematics believe; base and tool aligned with the world.
     pub nominal: Description,
     /// The arm as identified: the same number and kinds of joints.
@@ -162,7 +171,6 @@ impl<'a> Blob<'a> {
     /// Writes header and body into `buffer` and returns the bytes used. Refuses what
     /// [`Blob::decode`] would refuse.
     pub fn encode<'b>(&self, buffer: &'b mut [u8]) -> Result<&'b [u8], BlobError> {
-        self.check()?;
         let (header, body) = buffer
             .split_at_mut_checked(HEADER)
             .ok_or(BlobError::BufferTooSmall)?;
@@ -170,6 +178,7 @@ impl<'a> Blob<'a> {
             .map_err(|_| BlobError::BufferTooSmall)?
             .len();
         let body = body.get(..length).ok_or(BlobError::BufferTooSmall)?;
+        check::check(body, self.joints())?;
         let joints = u8::try_from(self.joints()).map_err(|_| BlobError::Body)?;
         let size = u32::try_from(length).map_err(|_| BlobError::Body)?;
         let fields = MAGIC
@@ -190,18 +199,8 @@ impl<'a> Blob<'a> {
     /// makes of its contents.
     pub fn decode(bytes: &'a [u8]) -> Result<Self, BlobError> {
         let (joints, body) = open(bytes)?;
-        let (blob, rest) = postcard::take_from_bytes::<Self>(body).map_err(|_| BlobError::Body)?;
-        if !rest.is_empty() {
-            return Err(BlobError::Trailing { bytes: rest.len() });
-        }
-        if blob.joints() != joints {
-            return Err(BlobError::Joints {
-                found: blob.joints(),
-                expected: joints,
-            });
-        }
-        blob.check()?;
-        Ok(blob)
+        check::check(body, joints)?;
+        postcard::from_bytes(body).map_err(|_| BlobError::Body)
     }
 
     /// The model of N joints in the number type of the controller: baked in `f64`, rounded
@@ -238,7 +237,7 @@ impl<'a> Blob<'a> {
                 .iter()
                 .map(|effect| {
                     let mut effect = *effect;
-                    effect.model_mut().attach(&attached);
+                    effect.attach(&attached);
                     effect.cast()
                 })
                 .collect(),
@@ -247,75 +246,13 @@ impl<'a> Blob<'a> {
             settings: self.settings.cast(),
         })
     }
-
-    /// Everything that `docs/BLOB.md` promises of the contents.
-    fn check(&self) -> Result<(), BlobError> {
-        let joints = self.joints();
-        if joints == 0 {
-            return Err(BlobError::Joints {
-                found: 0,
-                expected: 1,
-            });
-        }
-        for found in [
-            self.nominal.masses.len(),
-            self.calibrated.joints.len(),
-            self.calibrated.masses.len(),
-            self.limits.len(),
-            self.resolution.len(),
-        ] {
-            if found != joints {
-                return Err(BlobError::Joints {
-                    found,
-                    expected: joints,
-                });
-            }
-        }
-        numbers::check(self)?;
-        let pairs = self.nominal.joints.iter().zip(&self.calibrated.joints);
-        let masses = self.nominal.masses.iter().zip(&self.calibrated.masses);
-        for (j, ((nominal, calibrated), (m, n))) in pairs.zip(masses).enumerate() {
-            let joint = u8::try_from(j + 1).unwrap_or(u8::MAX);
-            if nominal.kind != calibrated.kind {
-                return Err(BlobError::Kind { joint });
-            }
-            for one in [nominal, calibrated] {
-                if (one.axis.norm_squared() - 1.0).abs() > 1e-6 {
-                    return Err(BlobError::Axis { joint });
-                }
-            }
-            if m.mass < 0.0 || n.mass < 0.0 {
-                return Err(BlobError::Mass { joint });
-            }
-        }
-        for (j, (limits, resolution)) in self.limits.iter().zip(&self.resolution).enumerate() {
-            let joint = u8::try_from(j + 1).unwrap_or(u8::MAX);
-            let [low, high] = *limits;
-            if !(low <= high && low >= UNLIMITED[0] && high <= UNLIMITED[1]) {
-                return Err(BlobError::Limits { joint });
-            }
-            if *resolution < 0.0 {
-                return Err(BlobError::Resolution { joint });
-            }
-        }
-        for (k, effect) in self.effects.iter().enumerate() {
-            if !effect.is_sound(joints) {
-                return Err(BlobError::Effect {
-                    effect: u8::try_from(k + 1).unwrap_or(u8::MAX),
-                });
-            }
-        }
-        if !self.settings.sound() {
-            return Err(BlobError::Settings);
-        }
-        Ok(())
-    }
 }
 
 /// Reads a blob on the controller.
 ///
-/// `T`: number type of the loop, `N`: number of joints of the arm. Needs no heap; stack about
-/// the size of [`Blob`]. Anything wrong is refused by name, see [`BlobError`].
+/// `T`: number type of the loop, `N`: number of joints of the arm. Needs no heap; stack beside
+/// the model: `decode` in `docs/COST.md`. Anything wrong is refused by name, see
+/// [`BlobError`].
 ///
 /// ```
 /// # fn f(flash: &[u8]) -> Result<(), truepose::params::BlobError> {
@@ -323,14 +260,26 @@ impl<'a> Blob<'a> {
 /// # Ok(()) }
 /// ```
 pub fn decode<T: Scalar, const N: usize>(bytes: &[u8]) -> Result<Model<'_, T, N>, BlobError> {
-    let (joints, _) = open(bytes)?;
+    let mut model = Model::empty();
+    decode_into(bytes, &mut model)?;
+    Ok(model)
+}
+
+/// [`decode`] into a model that is there already, which stays as it is if the blob is refused.
+#[inline(never)]
+pub fn decode_into<'a, T: Scalar, const N: usize>(
+    bytes: &'a [u8],
+    model: &mut Model<'a, T, N>,
+) -> Result<(), BlobError> {
+    let (joints, body) = open(bytes)?;
     if joints != N {
         return Err(BlobError::Joints {
             found: joints,
             expected: N,
         });
     }
-    Blob::decode(bytes)?.model()
+    check::check(body, joints)?;
+    load::load(body, model)
 }
 
 /// Checks header and checksum. Returns the number of joints and the body.

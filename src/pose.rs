@@ -105,6 +105,26 @@ impl<T: Scalar> Pose<T> {
         Self::new(Matrix3::new(c, -s, o, s, c, o, o, o, i), Vector3::zeros())
     }
 
+    /// `self` followed by a turn by `angle` (rad) about its own x.
+    pub fn turned_x(&self, angle: T) -> Self {
+        let [x, y, z] = columns(&self.rotation);
+        let [y, z] = turned(&y, &z, angle);
+        Self::new(Matrix3::from_columns(&[x, y, z]), self.translation)
+    }
+
+    /// `self` followed by a turn by `angle` (rad) about its own y.
+    pub fn turned_y(&self, angle: T) -> Self {
+        let [x, y, z] = columns(&self.rotation);
+        let [z, x] = turned(&z, &x, angle);
+        Self::new(Matrix3::from_columns(&[x, y, z]), self.translation)
+    }
+
+    /// `self` followed by a way of `distance` (m) along its own x.
+    pub fn moved_x(&self, distance: T) -> Self {
+        let [x, ..] = columns(&self.rotation);
+        Self::new(self.rotation, self.translation + x * distance)
+    }
+
     /// `self` (A to B) followed by `next` (B to C).
     #[inline]
     pub fn then(&self, next: &Self) -> Self {
@@ -278,6 +298,19 @@ impl<T: Scalar> Pose<T> {
     pub fn is_finite(&self) -> bool {
         self.rotation.iter().all(|x| x.finite()) && self.translation.iter().all(|x| x.finite())
     }
+}
+
+/// The three axes of a rotation.
+#[inline]
+pub(crate) fn columns<T: Scalar>(rotation: &Matrix3<T>) -> [Vector3<T>; 3] {
+    rotation.data.0.map(Vector3::from)
+}
+
+/// Two axes after a turn by `angle` (rad) that leads from the first to the second.
+#[inline(never)]
+fn turned<T: Scalar>(first: &Vector3<T>, second: &Vector3<T>, angle: T) -> [Vector3<T>; 2] {
+    let (s, c) = angle.sincos();
+    [first * c + second * s, second * c - first * s]
 }
 
 /// A pose as it is stored: translation (m) and rotation vector (rad).

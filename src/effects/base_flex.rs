@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::{Description, Displacement, EffectModel, Posture, Stage};
+use crate::pose::columns;
 use crate::{Scalar, Twist};
 
 /// Base flex: tilts the robot base about its own x and y axes, each by `compliance` times
@@ -66,8 +67,8 @@ impl<T: Scalar> EffectModel<T> for BaseFlex<T> {
     }
 
     fn attach(&mut self, to: &Description<'_, T>) {
-        let (r, p) = (&to.base.rotation, to.base.translation);
-        self.base = [r.column(0).into_owned(), r.column(1).into_owned(), p];
+        let [x, y, _] = columns(&to.base.rotation);
+        self.base = [x, y, to.base.translation];
     }
 
     fn stage(&self) -> Stage {

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::{Description, Displacement, EffectModel, Posture, Selector, Stage};
+use crate::pose::columns;
 use crate::{Scalar, Twist};
 
 /// Link bending under gravity's force F and moment M of what lies beyond the link. MRD 7.7.
@@ -136,16 +137,15 @@ impl<T: Scalar> EffectModel<T> for LinkBending<T> {
         let (Some(link), Some(gauge)) = (to.link(j), to.gauges.get(j)) else {
             return;
         };
-        let r = &link.rotation;
+        let [x, _, next] = columns(&link.rotation);
         let end = link.translation;
         let length = end.norm_squared().root();
         // Where the joint frames fall together the link points along x, by convention.
         let along = if length > T::of(SHORT) {
             end / length
         } else {
-            r.column(0).into_owned()
+            x
         };
-        let next = r.column(2).into_owned();
         let first = across(&along, &[Vector3::z(), next, Vector3::x(), Vector3::y()]);
         let second = along.cross(&first);
         self.link = Link {

@@ -205,8 +205,22 @@ macro_rules! effects {
             }
 
             /// The same in another number type, rounded once.
+            #[inline(never)]
             pub fn cast<U: Scalar>(&self) -> Effect<$life, U> {
                 match self { $(Self::$name(e) => Effect::$name(e.cast())),+ }
+            }
+
+            /// See [`EffectModel::attach`].
+            #[inline(never)]
+            pub fn attach(&mut self, to: &Description<'_, T>) {
+                match self { $(Self::$name(e) => e.attach(to)),+ }
+            }
+
+            /// True if its values and constants are finite and its joints are among the first
+            /// `joints`: what a decoded effect has to be.
+            #[inline(never)]
+            pub fn is_sound(&self, joints: usize) -> bool {
+                match self { $(Self::$name(e) => is_sound(e, joints)),+ }
             }
 
             /// When it is evaluated.
@@ -274,19 +288,16 @@ effects! { 'a:
     Unnamed,
 }
 
-impl<T: Scalar> Effect<'_, T> {
-    /// True if its values and constants are finite and its joints are among the first
-    /// `joints`: what a decoded effect has to be.
-    pub fn is_sound(&self, joints: usize) -> bool {
-        let model = self.model();
-        let selector = model.selector();
-        model.values().iter().all(|x| x.finite())
-            && model.constants().iter().all(|x| x.finite())
-            && [selector.joint, selector.from]
-                .iter()
-                .flatten()
-                .all(|&j| j < joints)
-    }
+/// See [`Effect::is_sound`]. Not by the contract's table, which would bring every function of
+/// every effect into a program that only reads a blob.
+fn is_sound<T: Scalar>(model: &impl EffectModel<T>, joints: usize) -> bool {
+    let selector = model.selector();
+    model.values().iter().all(|x| x.finite())
+        && model.constants().iter().all(|x| x.finite())
+        && [selector.joint, selector.from]
+            .iter()
+            .flatten()
+            .all(|&j| j < joints)
 }
 
 /// The turn of everything beyond joint `j` about (or, prismatic, the slide along) its own

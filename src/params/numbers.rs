@@ -9,6 +9,7 @@ use super::{BlobError, LARGEST};
 
 /// Refuses `value` if a real number in it is not finite or larger than [`LARGEST`], or if
 /// something in it has no stored form.
+#[inline(never)]
 pub(super) fn check(value: &impl Serialize) -> Result<(), BlobError> {
     value.serialize(Look).map_err(|unsound| match unsound {
         Unsound::Number => BlobError::Number,

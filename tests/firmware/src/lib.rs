@@ -9,6 +9,7 @@ pub mod arm;
 #[cfg(target_os = "none")]
 pub mod board;
 pub mod compensation;
+pub mod controller;
 pub mod cost;
 pub mod draws;
 pub mod kinematics;

@@ -1,0 +1,151 @@
+//! Everything that `docs/BLOB.md` promises of a body, looked at while going through it once.
+
+use serde::{Deserialize, Serialize};
+
+use super::body::Body;
+use super::{BlobError, LABEL, MAX_JOINTS, NAME, UNLIMITED, numbers};
+use crate::chain::LinkMass;
+use crate::effects::Effect;
+use crate::model::MAX_EFFECTS;
+use crate::{Joint, JointKind, Settings, StoredPose};
+
+/// A body under examination. The refusals rank as `docs/BLOB.md` orders them: what does not
+/// follow the layout ends the examination, the others are kept, the first of each rank.
+struct Examination<'a> {
+    body: Body<'a>,
+    /// Joints that the header promises.
+    joints: usize,
+    /// Lists of another length than that.
+    lists: Option<BlobError>,
+    /// Numbers that are none.
+    numbers: Option<BlobError>,
+    /// Values that cannot be meant.
+    meaning: Option<BlobError>,
+}
+
+/// Refuses a body for `joints` joints that is not what it should be.
+#[inline(never)]
+pub(super) fn check(body: &[u8], joints: usize) -> Result<(), BlobError> {
+    let mut look = Examination {
+        body: Body::new(body),
+        joints,
+        lists: None,
+        numbers: None,
+        meaning: None,
+    };
+    if joints == 0 {
+        look.lists = Some(BlobError::Joints {
+            found: 0,
+            expected: 1,
+        });
+    }
+    look.body.text(NAME)?;
+    let nominal = look.description()?;
+    let calibrated = look.description()?;
+    let other = nominal ^ calibrated;
+    if other != 0 {
+        let joint = number(other.trailing_zeros() as usize);
+        look.note(false, BlobError::Kind { joint });
+    }
+    look.commands()?;
+    look.effects()?;
+    let settings: Settings<f64> = look.take()?;
+    look.note(settings.sound(), BlobError::Settings);
+    look.provenance()?;
+    let bytes = look.body.rest()?;
+    if bytes != 0 {
+        return Err(BlobError::Trailing { bytes });
+    }
+    match look.lists.or(look.numbers).or(look.meaning) {
+        None => Ok(()),
+        Some(refusal) => Err(refusal),
+    }
+}
+
+/// What is counted from 0, counted from 1.
+fn number(j: usize) -> u8 {
+    u8::try_from(j).unwrap_or(u8::MAX).saturating_add(1)
+}
+
+impl<'a> Examination<'a> {
+    /// The next piece; its numbers are looked at.
+    fn take<V: Deserialize<'a> + Serialize>(&mut self) -> Result<V, BlobError> {
+        let piece = self.body.take()?;
+        if let Err(refusal) = numbers::check(&piece) {
+            self.numbers.get_or_insert(refusal);
+        }
+        Ok(piece)
+    }
+
+    /// Length of a list of joints.
+    fn list(&mut self) -> Result<usize, BlobError> {
+        let found = self.body.count(MAX_JOINTS)?;
+        let expected = self.joints;
+        if found != expected {
+            self.lists
+                .get_or_insert(BlobError::Joints { found, expected });
+        }
+        Ok(found)
+    }
+
+    fn note(&mut self, sound: bool, refusal: BlobError) {
+        if !sound {
+            self.meaning.get_or_insert(refusal);
+        }
+    }
+
+    /// A description. Returns its prismatic joints, a bit each.
+    fn description(&mut self) -> Result<u16, BlobError> {
+        let _base: StoredPose = self.take()?;
+        let mut prismatic = 0;
+        for j in 0..self.list()? {
+            let one: Joint<f64> = self.take()?;
+            prismatic |= u16::from(one.kind == JointKind::Prismatic) << j;
+            let unit = (one.axis.norm_squared() - 1.0).abs() <= 1e-6;
+            self.note(unit, BlobError::Axis { joint: number(j) });
+        }
+        for j in 0..self.list()? {
+            let link: LinkMass<f64> = self.take()?;
+            self.note(link.mass >= 0.0, BlobError::Mass { joint: number(j) });
+        }
+        let _tool: StoredPose = self.take()?;
+        Ok(prismatic)
+    }
+
+    /// Limits and resolutions of the joint commands, gravity.
+    fn commands(&mut self) -> Result<(), BlobError> {
+        let [lowest, highest] = UNLIMITED;
+        for j in 0..self.list()? {
+            let [low, high]: [f64; 2] = self.take()?;
+            let sound = low <= high && low >= lowest && high <= highest;
+            self.note(sound, BlobError::Limits { joint: number(j) });
+        }
+        for j in 0..self.list()? {
+            let resolution: f64 = self.take()?;
+            self.note(
+                resolution >= 0.0,
+                BlobError::Resolution { joint: number(j) },
+            );
+        }
+        let _gravity: [f64; 3] = self.take()?;
+        Ok(())
+    }
+
+    fn effects(&mut self) -> Result<(), BlobError> {
+        for k in 0..self.body.count(MAX_EFFECTS)? {
+            let effect: Effect<'a, f64> = self.take()?;
+            let sound = effect.is_sound(self.joints);
+            self.note(sound, BlobError::Effect { effect: number(k) });
+        }
+        Ok(())
+    }
+
+    fn provenance(&mut self) -> Result<(), BlobError> {
+        self.body.text(LABEL)?;
+        self.body.text(NAME)?;
+        self.body.text(LABEL)?;
+        let _rows: [u32; 2] = self.take()?;
+        let _rms: [f64; 2] = self.take()?;
+        Ok(())
+    }
+}

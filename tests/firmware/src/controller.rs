@@ -1,0 +1,57 @@
+//! All that a controller calls in its loop, once: every method, every effect, whatever the
+//! compiler could leave out hidden from it.
+
+use core::hint::black_box;
+
+use nalgebra::Vector3;
+use truepose::budget::{Budget, Clock};
+use truepose::compensate::spherical_wrist::SphericalWrist;
+use truepose::compensate::{Compensator, Request, minimum_move, task_point};
+use truepose::effects::{Ambient, Conditions};
+use truepose::{Method, Model, Settings};
+
+use crate::arm::JOINTS;
+
+/// Runs it. True if every answer was a compensation.
+pub fn run(model: &Model<'_, f32, JOINTS>, clock: &impl Clock) -> bool {
+    let q = black_box([0.1, -0.9, 0.8, 0.3, -0.6, 0.2]);
+    let mut conditions = Conditions {
+        direction: [1.0; JOINTS],
+        ambient: Ambient {
+            payload: 2.0,
+            payload_com: Vector3::new(0.0, 0.02, 0.05),
+            time: 60.0,
+            ..Ambient::default()
+        },
+    };
+    conditions.ambient.temperature.fill(30.0);
+    let request = black_box(Request::pose(model.nominal_pose(&q), q).conditions(conditions));
+    let inverse = SphericalWrist::of(&model.nominal);
+    let mut answered = true;
+    for method in Method::ALL {
+        let settings = Settings {
+            method: black_box(method),
+            ..model.settings
+        };
+        let mut compensator = Compensator::new(model).with_settings(settings);
+        let mut budget = Budget::cycles(clock, black_box(u32::MAX));
+        let outcome = compensator.correct(&request, &mut budget);
+        answered &= outcome.status.compensated();
+        let Some(inverse) = &inverse else {
+            continue;
+        };
+        let outcome = compensator.correct_through(
+            &request,
+            Some(&|pose, near| inverse.inverse(pose, near)),
+            &mut budget,
+        );
+        answered &= outcome.status.compensated();
+        let pose = request.pose.unwrap_or_else(|| model.nominal_pose(&q));
+        black_box(minimum_move::nearest(model, &pose, &outcome.q, &conditions));
+    }
+    black_box(task_point::first(model, &request));
+    let seen = model.predict(&q, &conditions);
+    let wanted = model.nominal_pose(&q);
+    black_box(Request::sensed(model, q, &seen, &wanted, conditions));
+    answered
+}
