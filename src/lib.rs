@@ -18,6 +18,7 @@ mod scalar;
 mod settings;
 #[cfg(feature = "storage")]
 pub mod storage;
+pub mod taught;
 
 pub use chain::{BakedJoint, Frame, Gauge, LinkMass, bake, forward};
 pub use joint::{Convention, Joint, JointKind, Parameter, ParameterTwist};

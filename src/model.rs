@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 
 use crate::chain::{BakedJoint, Frame, forward};
 use crate::effects::{Ambient, Conditions, Effect, Posture, Reading, Stage, gravity_loads};
+use crate::taught::Taught;
 use crate::{Pose, Scalar, Settings, Twist};
 
 /// Effects that one model can hold on the controller.
@@ -199,6 +200,8 @@ pub struct Model<'a, T: Scalar, const N: usize> {
     pub resolution: [T; N],
     /// How to compensate.
     pub settings: Settings<T>,
+    /// Corrections from tables, where the blob has any.
+    pub taught: Taught<'a, T>,
 }
 
 /// Room for one evaluation of an arm with N joints.
@@ -249,6 +252,7 @@ impl<T: Scalar, const N: usize> Model<'_, T, N> {
             limits: [[T::zero(); 2]; N],
             resolution: [T::zero(); N],
             settings: Settings::default(),
+            taught: Taught::default(),
         }
     }
 

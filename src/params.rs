@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use crate::chain::{BakedJoint, Gauge, LinkMass, bake};
 use crate::effects::{self, Effect};
 use crate::model::{BakedChain, MAX_EFFECTS, Model};
+use crate::taught::Taught;
 use crate::{Joint, Pose, Scalar, Settings, StoredPose};
 
 pub use error::BlobError;
@@ -24,8 +25,11 @@ pub use error::BlobError;
 /// Joints that a blob can hold.
 pub const MAX_JOINTS: usize = 12;
 
-/// The layout that this version writes and reads.
-pub const LAYOUT: u16 = 1;
+/// The newest layout that this version reads. It writes the oldest that holds what there is.
+pub const LAYOUT: u16 = 2;
+
+/// The oldest layout that is read: without tables.
+const WITHOUT_TABLES: u16 = 1;
 
 /// First four bytes of every blob.
 pub const MAGIC: [u8; 4] = *b"TPB\0";
@@ -114,6 +118,9 @@ pub struct Blob<'a> {
     pub settings: Settings<f64>,
     /// Where all this comes from.
     pub provenance: Provenance,
+    /// Corrections from tables; behind the rest in the body, from layout 2 on.
+    #[serde(skip)]
+    pub taught: Taught<'a, f64>,
 }
 
 impl Description {
@@ -168,22 +175,37 @@ impl<'a> Blob<'a> {
         self.nominal.joints.len()
     }
 
+    /// The layout that it is written in.
+    pub fn layout(&self) -> u16 {
+        if self.taught.is_empty() {
+            WITHOUT_TABLES
+        } else {
+            LAYOUT
+        }
+    }
+
     /// Writes header and body into `buffer` and returns the bytes used. Refuses what
     /// [`Blob::decode`] would refuse.
     pub fn encode<'b>(&self, buffer: &'b mut [u8]) -> Result<&'b [u8], BlobError> {
         let (header, body) = buffer
             .split_at_mut_checked(HEADER)
             .ok_or(BlobError::BufferTooSmall)?;
-        let length = postcard::to_slice(self, body)
+        let mut length = postcard::to_slice(self, body)
             .map_err(|_| BlobError::BufferTooSmall)?
             .len();
+        if !self.taught.is_empty() {
+            let rest = body.get_mut(length..).ok_or(BlobError::BufferTooSmall)?;
+            length += postcard::to_slice(&self.taught, rest)
+                .map_err(|_| BlobError::BufferTooSmall)?
+                .len();
+        }
         let body = body.get(..length).ok_or(BlobError::BufferTooSmall)?;
-        check::check(body, self.joints())?;
+        check::check(body, self.layout(), self.joints())?;
         let joints = u8::try_from(self.joints()).map_err(|_| BlobError::Body)?;
         let size = u32::try_from(length).map_err(|_| BlobError::Body)?;
         let fields = MAGIC
             .into_iter()
-            .chain(LAYOUT.to_le_bytes())
+            .chain(self.layout().to_le_bytes())
             .chain([joints, 0])
             .chain(size.to_le_bytes())
             .chain(checksum(body).to_le_bytes());
@@ -198,9 +220,14 @@ impl<'a> Blob<'a> {
     /// Reads a blob of any number of joints and checks every promise that `docs/BLOB.md`
     /// makes of its contents.
     pub fn decode(bytes: &'a [u8]) -> Result<Self, BlobError> {
-        let (joints, body) = open(bytes)?;
-        check::check(body, joints)?;
-        postcard::from_bytes(body).map_err(|_| BlobError::Body)
+        let (layout, joints, body) = open(bytes)?;
+        check::check(body, layout, joints)?;
+        let (mut blob, rest) =
+            postcard::take_from_bytes::<Self>(body).map_err(|_| BlobError::Body)?;
+        if layout > WITHOUT_TABLES {
+            blob.taught = postcard::from_bytes(rest).map_err(|_| BlobError::Body)?;
+        }
+        Ok(blob)
     }
 
     /// The model of N joints in the number type of the controller: baked in `f64`, rounded
@@ -244,6 +271,7 @@ impl<'a> Blob<'a> {
             limits,
             resolution,
             settings: self.settings.cast(),
+            taught: self.taught.cast(),
         })
     }
 }
@@ -271,19 +299,19 @@ pub fn decode_into<'a, T: Scalar, const N: usize>(
     bytes: &'a [u8],
     model: &mut Model<'a, T, N>,
 ) -> Result<(), BlobError> {
-    let (joints, body) = open(bytes)?;
+    let (layout, joints, body) = open(bytes)?;
     if joints != N {
         return Err(BlobError::Joints {
             found: joints,
             expected: N,
         });
     }
-    check::check(body, joints)?;
-    load::load(body, model)
+    check::check(body, layout, joints)?;
+    load::load(body, layout, model)
 }
 
-/// Checks header and checksum. Returns the number of joints and the body.
-fn open(bytes: &[u8]) -> Result<(usize, &[u8]), BlobError> {
+/// Checks header and checksum. Returns the layout, the number of joints and the body.
+fn open(bytes: &[u8]) -> Result<(u16, usize, &[u8]), BlobError> {
     let (header, body) = bytes
         .split_first_chunk::<HEADER>()
         .ok_or(BlobError::TooShort { bytes: bytes.len() })?;
@@ -312,7 +340,7 @@ fn open(bytes: &[u8]) -> Result<(usize, &[u8]), BlobError> {
     if layout > LAYOUT {
         return Err(BlobError::LayoutNewer { found: layout });
     }
-    if layout < LAYOUT {
+    if layout < WITHOUT_TABLES {
         return Err(BlobError::LayoutOlder { found: layout });
     }
     if zero != 0 {
@@ -328,5 +356,5 @@ fn open(bytes: &[u8]) -> Result<(usize, &[u8]), BlobError> {
     if checksum(body) != u32::from_le_bytes([c0, c1, c2, c3]) {
         return Err(BlobError::Checksum);
     }
-    Ok((usize::from(joints), body))
+    Ok((layout, usize::from(joints), body))
 }

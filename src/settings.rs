@@ -15,11 +15,21 @@ pub enum Method {
     Lqr,
     /// Redefinition of the task point. MRD 5.2.2.
     TaskPoint,
+    /// Polynomials of the joints, which have to be taught. MRD 5.4.1.
+    Polynomial,
+    /// Tables of corrections, which have to be taught. MRD 5.4.2.
+    Cmac,
 }
 
 impl Method {
     /// Every method, in the order of their numbers.
-    pub const ALL: [Self; 3] = [Self::InverseJacobian, Self::Lqr, Self::TaskPoint];
+    pub const ALL: [Self; 5] = [
+        Self::InverseJacobian,
+        Self::Lqr,
+        Self::TaskPoint,
+        Self::Polynomial,
+        Self::Cmac,
+    ];
 
     /// As it stands on the command line.
     pub fn name(self) -> &'static str {
@@ -27,6 +37,8 @@ impl Method {
             Self::InverseJacobian => "inverse-jacobian",
             Self::Lqr => "lqr",
             Self::TaskPoint => "task-point",
+            Self::Polynomial => "polynomial",
+            Self::Cmac => "cmac",
         }
     }
 

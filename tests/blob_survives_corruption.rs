@@ -12,6 +12,7 @@ use truepose::effects::{Effect, GearEccentricity, JointCompliance, JointGain};
 use truepose::params::{
     Blob, BlobError, Description, HEADER, Provenance, checksum, checksum_onwards, decode,
 };
+use truepose::taught::Taught;
 use truepose::{Convention, Joint, JointKind, LinkMass, Settings, StoredPose};
 
 const ROOM: usize = 16_384;
@@ -85,6 +86,7 @@ fn sample() -> Blob<'static> {
             rms_before: 0.001,
             rms_after: 0.0001,
         },
+        taught: Taught::default(),
     }
 }
 
@@ -322,10 +324,10 @@ fn what_a_reader_would_refuse_is_not_written() {
 fn other_layouts_and_joint_counts_are_refused_by_name() {
     let bytes = encoded(&blob(&mut Random(7), 6));
     let mut newer = bytes.clone();
-    newer[4] = 2;
+    newer[4] = 3;
     assert_eq!(
         decode::<f32, 6>(&newer).err(),
-        Some(BlobError::LayoutNewer { found: 2 })
+        Some(BlobError::LayoutNewer { found: 3 })
     );
     let mut older = bytes.clone();
     older[4] = 0;

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use truepose::params::{Blob, Description, MAX_JOINTS, Provenance, UNLIMITED};
+use truepose::params::{Blob, BlobError, Description, MAX_JOINTS, Provenance, UNLIMITED};
+use truepose::taught::Taught;
 use truepose::{LinkMass, Settings};
 
 use crate::description::Robot;
@@ -10,7 +11,8 @@ use crate::error::Error;
 use crate::identify::arm::ArmModel;
 use crate::identify::{Calibration, Stage};
 
-/// Room for the largest blob: 12 joints, 64 effects with their tables.
+/// Room for the largest blob without taught corrections: 12 joints, 64 effects with their
+/// tables.
 const LARGEST_BLOB: usize = 1 << 20;
 
 /// What the blob says of its own origin besides the arm.
@@ -70,15 +72,23 @@ pub fn blob(
             rms_before,
             rms_after,
         },
+        taught: Taught::default(),
     };
-    let mut buffer = vec![0; LARGEST_BLOB];
-    match blob.encode(&mut buffer) {
-        Ok(bytes) => Ok(bytes.to_vec()),
-        Err(cause) => Err(Error::Usage(format!(
+    encoded(&blob).map_err(|cause| {
+        Error::Usage(format!(
             "{}: the identified arm has no blob: {cause}",
             robot.source.display()
-        ))),
-    }
+        ))
+    })
+}
+
+/// The bytes of a blob.
+pub fn encoded(blob: &Blob<'_>) -> Result<Vec<u8>, BlobError> {
+    let taught = &blob.taught;
+    let polynomial = taught.polynomial.as_ref().map_or(0, |p| 4 * p.coefficients());
+    let cmac = taught.cmac.as_ref().map_or(0, |c| c.table.len());
+    let mut buffer = vec![0; LARGEST_BLOB + polynomial + cmac];
+    Ok(blob.encode(&mut buffer)?.to_vec())
 }
 
 /// Effects of which the fit found any value; the others are zero.

@@ -20,6 +20,7 @@ pub mod plan;
 pub mod predict;
 pub mod random;
 pub mod report;
+pub mod teach;
 mod units;
 pub mod verify;
 pub mod warning;

@@ -236,7 +236,7 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
     }
 
     /// `from` plus `scale` times `step`, inside the room.
-    fn moved(&self, from: &[T; N], step: &[T; N], scale: T) -> [T; N] {
+    pub(super) fn moved(&self, from: &[T; N], step: &[T; N], scale: T) -> [T; N] {
         let mut q = *from;
         for ((q, &p), room) in q.iter_mut().zip(step).zip(&self.room) {
             *q = confined(*q + p * scale, room);
@@ -253,13 +253,26 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         merit
     }
 
-    fn weighted(&self, twist: &Twist<T>) -> [T; 6] {
+    pub(super) fn weighted(&self, twist: &Twist<T>) -> [T; 6] {
         let (p, o) = (
             self.settings.position_weight,
             self.settings.orientation_weight,
         );
         let [a, b, c, d, e, f] = twist.rows();
         [a * p, b * p, c * p, d * o, e * o, f * o]
+    }
+
+    /// The joints' share of a small displacement `twist` of the tool at `point`, whose frames
+    /// are in `room`.
+    pub(super) fn damped(
+        &self,
+        point: &Point<T, N>,
+        twist: &Twist<T>,
+        room: &Room<T, N>,
+    ) -> [T; N] {
+        let (columns, none) = (self.columns(point, room), [T::zero(); N]);
+        let twist = self.weighted(twist);
+        damped_step(&columns, &twist, &none, &none, self.settings.damping)
     }
 
     /// Weighted joint Jacobian at `point`, whose frames are in `room`.

@@ -21,6 +21,7 @@ mod solve;
 pub mod spherical_wrist;
 mod step;
 mod swift;
+mod taught;
 pub mod task_point;
 
 use crate::budget::{Budget, Clock, Cost};
@@ -98,6 +99,11 @@ pub enum Status {
     IterationLimit,
     /// Another iteration does not fit into the budget.
     OutOfBudget,
+    /// Refused, the nominal command goes out: it is outside the region that the method was
+    /// taught on.
+    OutsideRegion,
+    /// Refused, the nominal command goes out: the blob has no tables for this method.
+    NotTaught,
     /// Refused, the nominal command goes out: NaN or infinity in directions or payload.
     ConditionsNotFinite,
     /// Refused, the nominal command goes out: the requested pose is not finite or its rotation
@@ -281,7 +287,9 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             return outcome;
         }
         let effort = match self.settings.method {
-            Method::InverseJacobian | Method::TaskPoint => [T::zero(); N],
+            Method::InverseJacobian | Method::TaskPoint | Method::Polynomial | Method::Cmac => {
+                [T::zero(); N]
+            }
             Method::Lqr => lqr::prices(
                 self.settings.effort,
                 &start,
@@ -318,6 +326,9 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
                     .map(|(initial, best, s, i)| {
                         (initial, best, Some(self.model.nominal_pose(&best.q)), s, i)
                     }),
+                (Method::Polynomial | Method::Cmac, _) => self
+                    .apply_taught(&mut descent, budget, &cost)
+                    .map(|(initial, best, s, i)| (initial, best, None, s, i)),
                 (Method::InverseJacobian | Method::Lqr, _) => descent
                     .run(&self.state.correction, budget, &cost)
                     .map(|(initial, best, s, i)| (initial, best, None, s, i)),

@@ -3,11 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::body::Body;
-use super::{BlobError, LABEL, MAX_JOINTS, NAME, UNLIMITED, numbers};
+use super::{BlobError, LABEL, MAX_JOINTS, NAME, UNLIMITED, WITHOUT_TABLES, numbers};
 use crate::chain::LinkMass;
 use crate::effects::Effect;
 use crate::model::MAX_EFFECTS;
-use crate::{Joint, JointKind, Settings, StoredPose};
+use crate::taught::Taught;
+use crate::{Joint, JointKind, Method, Settings, StoredPose};
 
 /// A body under examination. The refusals rank as `docs/BLOB.md` orders them: what does not
 /// follow the layout ends the examination, the others are kept, the first of each rank.
@@ -23,9 +24,9 @@ struct Examination<'a> {
     meaning: Option<BlobError>,
 }
 
-/// Refuses a body for `joints` joints that is not what it should be.
+/// Refuses a body of `layout` for `joints` joints that is not what it should be.
 #[inline(never)]
-pub(super) fn check(body: &[u8], joints: usize) -> Result<(), BlobError> {
+pub(super) fn check(body: &[u8], layout: u16, joints: usize) -> Result<(), BlobError> {
     let mut look = Examination {
         body: Body::new(body),
         joints,
@@ -52,6 +53,7 @@ pub(super) fn check(body: &[u8], joints: usize) -> Result<(), BlobError> {
     let settings: Settings<f64> = look.take()?;
     look.note(settings.sound(), BlobError::Settings);
     look.provenance()?;
+    look.taught(layout, settings.method)?;
     let bytes = look.body.rest()?;
     if bytes != 0 {
         return Err(BlobError::Trailing { bytes });
@@ -137,6 +139,17 @@ impl<'a> Examination<'a> {
             let sound = effect.is_sound(self.joints);
             self.note(sound, BlobError::Effect { effect: number(k) });
         }
+        Ok(())
+    }
+
+    /// Tables, where the layout has any, and those that `method` needs.
+    fn taught(&mut self, layout: u16, method: Method) -> Result<(), BlobError> {
+        let taught: Taught<'a, f64> = match layout {
+            WITHOUT_TABLES => Taught::default(),
+            _ => self.take()?,
+        };
+        self.note(taught.is_sound(self.joints), BlobError::Taught);
+        self.note(taught.has(method), BlobError::NotTaught);
         Ok(())
     }
 

@@ -84,6 +84,11 @@ pub enum BlobError {
     },
     /// Settings that no compensator can work with, see [`crate::Settings::sound`].
     Settings,
+    /// Tables of corrections are not of the size that they say, hold something that is no
+    /// number, or are for another number of joints.
+    Taught,
+    /// The settings name a method whose tables are not there.
+    NotTaught,
     /// Writing: the buffer is too small.
     BufferTooSmall,
 }
@@ -131,6 +136,8 @@ impl fmt::Display for BlobError {
                 )
             }
             Self::Settings => f.write_str("the settings are outside their ranges"),
+            Self::Taught => f.write_str("the taught corrections are not sound"),
+            Self::NotTaught => f.write_str("the settings name a method that was not taught"),
             Self::BufferTooSmall => f.write_str("the blob does not fit into the buffer"),
         }
     }

@@ -4,10 +4,11 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::body::Body;
-use super::{BlobError, NAME};
+use super::{BlobError, LABEL, NAME, WITHOUT_TABLES};
 use crate::chain::{BakedJoint, Gauge, LinkMass, bake};
 use crate::effects::{Description, Effect};
 use crate::model::{BakedChain, MAX_EFFECTS, Model};
+use crate::taught::Taught;
 use crate::{Convention, Joint, JointKind, Pose, Scalar, Settings, StoredPose};
 
 /// An arm as it is described, at its bare size.
@@ -17,10 +18,11 @@ struct Described<const N: usize> {
     tool: Pose<f64>,
 }
 
-/// Fills `model` from a body that [`super::check::check`] has let pass for N joints.
+/// Fills `model` from a body of `layout` that [`super::check::check`] has let pass for N joints.
 #[inline(never)]
 pub(super) fn load<'a, T: Scalar, const N: usize>(
     bytes: &'a [u8],
+    layout: u16,
     model: &mut Model<'a, T, N>,
 ) -> Result<(), BlobError> {
     let mut body = Body::new(bytes);
@@ -47,7 +49,7 @@ pub(super) fn load<'a, T: Scalar, const N: usize>(
         model.effects.push(effect).map_err(|_| BlobError::Body)?;
     }
     model.settings = body.take::<Settings<f64>>()?.cast();
-    Ok(())
+    taught(&mut body, layout, model)
 }
 
 impl<const N: usize> Described<N> {
@@ -98,6 +100,25 @@ fn commands<T: Scalar, const N: usize>(
     let gravity = Vector3::from(body.take::<[f64; 3]>()?);
     model.nominal.gravity = (nominal * gravity).map(T::of);
     model.calibrated.gravity = (calibrated * gravity).map(T::of);
+    Ok(())
+}
+
+/// Tables, which stand behind the provenance.
+#[inline(never)]
+fn taught<'a, T: Scalar, const N: usize>(
+    body: &mut Body<'a>,
+    layout: u16,
+    model: &mut Model<'a, T, N>,
+) -> Result<(), BlobError> {
+    model.taught = Taught::default();
+    if layout > WITHOUT_TABLES {
+        body.text(LABEL)?;
+        body.text(NAME)?;
+        body.text(LABEL)?;
+        body.take::<[u32; 2]>()?;
+        body.take::<[f64; 2]>()?;
+        model.taught = body.take::<Taught<'a, f64>>()?.cast();
+    }
     Ok(())
 }
 

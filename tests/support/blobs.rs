@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use truepose::effects::{Effect, GearEccentricity, JointCompliance, JointGain};
 use truepose::params::{Blob, Description, Provenance};
+use truepose::taught::Taught;
 use truepose::{JointKind, Pose, Settings, StoredPose, Twist};
 
 use crate::support::Random;
@@ -81,5 +82,6 @@ pub(crate) fn blob(random: &mut Random, joints: usize) -> Blob<'static> {
             rms_before: 1.2e-3,
             rms_after: 5e-5,
         },
+        taught: Taught::default(),
     }
 }

@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, Vector3};
 use truepose::effects::Effect;
 use truepose::jacobian::joint_column;
 use truepose::params::{Blob, Description, Provenance};
+use truepose::taught::Taught;
 use truepose::{
     Convention, Frame, Joint, JointKind, LinkMass, Model, Parameter, Pose, Settings, StoredPose,
     forward,
@@ -86,6 +87,7 @@ pub(crate) fn blob(calibrated: Description, effects: &[Effect<'static, f64>]) ->
             rms_before: 0.0,
             rms_after: 0.0,
         },
+        taught: Taught::default(),
     }
 }
 

@@ -60,6 +60,14 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
         NumberType::F32 => Precision::F32,
         NumberType::F64 => Precision::F64,
     };
+    let used = method.unwrap_or(blob.settings.method);
+    if !blob.taught.has(used) {
+        let (file, name) = (params.display(), used.name());
+        return Err(Error::Usage(format!(
+            "{file}: no {name} was taught: truepose teach --params {file} --method {name} --out \
+             FILE puts one in"
+        )));
+    }
     let corrected = compensate(params, &blob, &table, method, precision)?;
 
     let mut csv: String = (1..=blob.joints()).map(|k| format!("q{k},")).collect();
@@ -72,7 +80,7 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
         let converged = u8::from(one.status == Status::Converged);
         csv.push_str(&format!("{converged},{}\n", one.iterations));
     }
-    let method = method.unwrap_or(blob.settings.method).name();
+    let method = used.name();
     let count = |is: fn(Status) -> bool| corrected.iter().filter(|c| is(c.status)).count();
     let converged = count(|s| s == Status::Converged);
     let refused = count(|s| !s.compensated());

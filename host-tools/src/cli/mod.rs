@@ -15,6 +15,7 @@ mod options;
 mod plan;
 mod predict;
 mod progress;
+mod teach;
 mod verify;
 
 use std::path::{Path, PathBuf};
@@ -42,6 +43,7 @@ enum Command {
     Identify(identify::Options),
     Diagnose(diagnose::Options),
     Predict(predict::Options),
+    Teach(teach::Options),
     Compensate(compensate::Options),
     Verify(verify::Options),
     Plan(plan::Options),
@@ -75,6 +77,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
         Command::Identify(options) => identify::files(options),
         Command::Diagnose(options) => diagnose::files(options),
         Command::Predict(options) => predict::files(options),
+        Command::Teach(options) => teach::files(options),
         Command::Compensate(options) => compensate::files(options),
         Command::Verify(options) => verify::files(options),
         Command::Plan(options) => plan::files(options),
@@ -87,6 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
         Command::Identify(options) => identify::run(options),
         Command::Diagnose(options) => diagnose::run(options),
         Command::Predict(options) => predict::run(options),
+        Command::Teach(options) => teach::run(options),
         Command::Compensate(options) => compensate::run(options),
         Command::Verify(options) => verify::run(options),
         Command::Plan(options) => plan::run(options),

@@ -13,6 +13,7 @@ use std::process::{Command, Output};
 
 use truepose::effects::{Effect, GearEccentricity, JointCompliance};
 use truepose::params::{Blob, Description, Provenance};
+use truepose::taught::Taught;
 use truepose::{Settings, StoredPose};
 use truepose_host::description::Robot;
 
@@ -164,6 +165,7 @@ pub(crate) fn blob(robot: &Robot) -> Blob<'static> {
             rms_before: 1.21e-3,
             rms_after: 5e-5,
         },
+        taught: Taught::default(),
     }
 }
 

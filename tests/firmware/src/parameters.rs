@@ -6,6 +6,7 @@
 use nalgebra::Vector3;
 use truepose::effects::{Effect, GearEccentricity, JointCompliance, JointGain};
 use truepose::params::{Blob, BlobError, Description, Provenance};
+use truepose::taught::Taught;
 use truepose::{LinkMass, Settings, StoredPose};
 
 use crate::arm::{self, Arm, JOINTS, TRAVEL};
@@ -101,6 +102,7 @@ pub fn encode<'b>(
             rms_before: 0.0,
             rms_after: 0.0,
         },
+        taught: Taught::default(),
     }
     .encode(buffer)
 }

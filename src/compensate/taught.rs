@@ -1,0 +1,128 @@
+//! Corrections from what was taught, polynomials or tables, made safe to send. MRD 5.4.
+//!
+//! Needs tables in the blob, taught for the pose that the joints nominally mean: what a
+//! requested pose is off from that is not corrected, and neither is what the conditions change.
+//! Cost: two evaluations of the model and one of the table; a third where it does not fit.
+//!
+//! The approximation knows no limits and no model. So its correction `p` is confined to the
+//! limits and the correction bound, both ends are evaluated, and of the way between them only
+//! as much is taken as leads nearer:
+//!
+//! ```text
+//! q = q_n + s p,   s = min(1, 3/2 s*),   s* = e0 · (e0 - e1) / |e0 - e1|²
+//! ```
+//! with e0 and e1 the weighted errors at both ends and s* where their line comes nearest to
+//! zero. A correction that at least halves the error counts in full; one that does not help is
+//! not taken; and s is continuous in both errors.
+
+use super::descent::{Descent, Point};
+use super::error::PoseError;
+use super::{Compensator, Status};
+use crate::budget::{Budget, Clock, Cost};
+use crate::model::Room;
+use crate::{Method, Scalar, Twist};
+
+/// What was found: the error at first, the best command, why it ended, the iterations.
+type Found<T, const N: usize> = (PoseError<T>, Point<T, N>, Status, u8);
+
+impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
+    /// Applies the tables of the method that the settings name. `None` where the model gives
+    /// no finite pose for the start.
+    pub(super) fn apply_taught<C: Clock>(
+        &self,
+        descent: &mut Descent<'_, T, N>,
+        budget: &Budget<'_, C>,
+        cost: &Cost,
+    ) -> Option<Found<T, N>> {
+        let mut room = Room::default();
+        let initial = descent.evaluate(descent.start, &mut room)?;
+        let stay = |status| Some((initial.error, initial, status, 0));
+        if descent.converged(&initial) {
+            return stay(Status::Converged);
+        }
+        let cost = cost.iteration.saturating_add(self.lookup_cycles());
+        if let Some(status) = descent.halt(0, budget, cost.saturating_mul(2)) {
+            return stay(status);
+        }
+        let begun = budget.spent();
+        let taught = &self.model.taught;
+        let correction = match descent.settings.method {
+            Method::Polynomial => match &taught.polynomial {
+                Some(polynomial) => polynomial.evaluate(&descent.start).map(|(mut p, miss)| {
+                    if polynomial.tool.is_some() {
+                        let miss = descent.desired.rotation * nalgebra::Vector3::from(miss);
+                        let back = Twist::new(-miss, nalgebra::Vector3::zeros());
+                        let moves = descent.damped(&initial, &back, &room);
+                        for (p, moved) in p.iter_mut().zip(moves) {
+                            *p += moved;
+                        }
+                    }
+                    p
+                }),
+                None => return stay(Status::NotTaught),
+            },
+            _ => match &taught.cmac {
+                Some(cmac) => cmac.evaluate(&descent.start),
+                None => return stay(Status::NotTaught),
+            },
+        };
+        let Some(correction) = correction else {
+            return stay(Status::OutsideRegion);
+        };
+        let mut best = initial;
+        let full = descent.moved(&descent.start, &correction, T::one());
+        if let Some(end) = descent.evaluate(full, &mut room) {
+            let share = way(&descent.weighted(&initial.twist), &descent.weighted(&end.twist));
+            let found = if share < T::one() {
+                let mut part = full;
+                for (part, &start) in part.iter_mut().zip(&descent.start) {
+                    *part = start + (*part - start) * share;
+                }
+                descent.evaluate(part, &mut room)
+            } else {
+                Some(end)
+            };
+            best = found.filter(|f| f.square < best.square).unwrap_or(best);
+        }
+        let spent = budget.spent().wrapping_sub(begun) / 2;
+        descent.longest = descent.longest.max(spent);
+        let status = if descent.converged(&best) {
+            Status::Converged
+        } else {
+            Status::Settled
+        };
+        Some((initial.error, best, status, 1))
+    }
+
+    /// What looking up takes at worst, cycles of a Cortex-M4F.
+    fn lookup_cycles(&self) -> u32 {
+        let taught = &self.model.taught;
+        let cycles = match self.settings.method {
+            Method::Polynomial => taught.polynomial.as_ref().map(|p| p.coefficients() * 16),
+            Method::Cmac => taught
+                .cmac
+                .as_ref()
+                .map(|c| usize::from(c.layout.layers) * N * 60),
+            Method::InverseJacobian | Method::Lqr | Method::TaskPoint => None,
+        };
+        u32::try_from(cycles.unwrap_or(0)).unwrap_or(u32::MAX)
+    }
+}
+
+/// How much of the way from the error `from` to the error `to` is taken, 0 to 1.
+fn way<T: Scalar>(from: &[T; 6], to: &[T; 6]) -> T {
+    let (mut along, mut square) = (T::zero(), T::zero());
+    for (&from, &to) in from.iter().zip(to) {
+        let change = from - to;
+        along += from * change;
+        square += change * change;
+    }
+    let along = along * T::of(1.5);
+    if along >= square {
+        T::one()
+    } else if along > T::zero() {
+        along / square
+    } else {
+        T::zero()
+    }
+}
