@@ -12,8 +12,10 @@ use truepose::effects::{Effect, GearEccentricity, JointCompliance, JointGain};
 use truepose::params::{
     Blob, BlobError, Description, HEADER, Provenance, checksum, checksum_onwards, decode,
 };
-use truepose::taught::Taught;
-use truepose::{Convention, Joint, JointKind, LinkMass, Settings, StoredPose};
+use truepose::taught::cmac::Layout;
+use truepose::taught::polynomial::Block;
+use truepose::taught::{Cmac, Polynomial, Region, Taught};
+use truepose::{Convention, Joint, JointKind, LinkMass, Method, Settings, StoredPose};
 
 const ROOM: usize = 16_384;
 
@@ -148,6 +150,107 @@ fn the_bytes_of_layout_1_stay_as_they_are() {
     let written = encoded(&sample());
     let hex: String = written.iter().map(|b| format!("{b:02x}")).collect();
     assert_eq!(hex, golden);
+}
+
+/// The sample with tables of every kind.
+fn sample_with_tables() -> Blob<'static> {
+    let region = |ranges: &[[f64; 2]]| Region(ranges.iter().copied().collect());
+    let mut blob = sample();
+    blob.taught = Taught {
+        polynomial: Some(Polynomial {
+            joints: Block {
+                region: region(&[[-1.0, 0.5]]),
+                degree: 1,
+                // Of x: 0 and 2; of one: 0.5 and -1.
+                coefficients: &[0, 0, 0, 0, 0, 0, 0, 0x40, 0, 0, 0, 0x3F, 0, 0, 0x80, 0xBF],
+            },
+            tool: Some(Block {
+                region: region(&[[0.25, 0.5]]),
+                degree: 0,
+                coefficients: &[0, 0, 0x80, 0x3E, 0, 0, 0, 0, 0, 0, 0x80, 0x3F],
+            }),
+        }),
+        cmac: Some(Cmac {
+            region: region(&[[-1.0, 1.0], [0.0, 0.5]]),
+            layout: Layout {
+                layers: 3,
+                cells: 1,
+            },
+            scale: [1e-6, 2e-6].into_iter().collect(),
+            table: &[7; 48],
+        }),
+    };
+    blob.settings.method = Method::Polynomial;
+    blob
+}
+
+#[test]
+fn the_bytes_of_layout_2_stay_as_they_are() {
+    let golden = include_str!("golden/blob_layout_2.hex");
+    let golden: String = golden
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .flat_map(|line| line.split_whitespace())
+        .collect();
+    let written = encoded(&sample_with_tables());
+    let hex: String = written.iter().map(|b| format!("{b:02x}")).collect();
+    assert_eq!(hex, golden);
+    assert_eq!(Blob::decode(&written), Ok(sample_with_tables()));
+    let model = decode::<f32, 2>(&written).unwrap();
+    // The tables are read where they lie.
+    let taught = model.taught.polynomial.unwrap();
+    let within = written.as_ptr_range();
+    assert!(within.contains(&taught.joints.coefficients.as_ptr()));
+    assert!(within.contains(&model.taught.cmac.unwrap().table.as_ptr()));
+    // Constant and slope of the second joint: 2 x - 1 at x = -0.5 + 0.25.
+    let (delta, miss) = taught.evaluate(&[-0.4375, 0.3]).unwrap();
+    let found = [delta[0], delta[1], miss[0], miss[1], miss[2]];
+    for (found, wanted) in found.into_iter().zip([0.5, -1.5, 0.25, 0.0, 1.0]) {
+        assert!((found - wanted).abs() < 1e-6, "{found} {wanted}");
+    }
+}
+
+#[test]
+fn tables_come_back_and_unsound_ones_are_refused() {
+    let mut random = Random(13);
+    for joints in 1..=7 {
+        for _ in 0..5 {
+            let mut blob = blob(&mut random, joints);
+            blobs::teach_nonsense(&mut random, &mut blob);
+            let mut buffer = vec![0; 1 << 17];
+            let bytes = blob.encode(&mut buffer).unwrap().to_vec();
+            assert_eq!(Blob::decode(&bytes), Ok(blob));
+        }
+    }
+    let refused = |change: &dyn Fn(&mut Blob)| {
+        let mut blob = sample_with_tables();
+        change(&mut blob);
+        blob.encode(&mut vec![0; ROOM]).err()
+    };
+    let taught = Some(BlobError::Taught);
+    let polynomial = |change: &dyn Fn(&mut Polynomial<f64>)| {
+        refused(&|b| change(b.taught.polynomial.as_mut().unwrap()))
+    };
+    let cmac =
+        |change: &dyn Fn(&mut Cmac<f64>)| refused(&|b| change(b.taught.cmac.as_mut().unwrap()));
+    assert_eq!(refused(&|_| {}), None);
+    assert_eq!(polynomial(&|p| p.joints.degree = 2), taught);
+    assert_eq!(polynomial(&|p| p.joints.region.0[0][1] = -1.0), taught);
+    assert_eq!(polynomial(&|p| p.joints.region.0.clear()), taught);
+    let nan = |p: &mut Polynomial<f64>| p.tool.as_mut().unwrap().coefficients = &[255; 12];
+    assert_eq!(polynomial(&nan), taught);
+    let number = Some(BlobError::Number);
+    assert_eq!(polynomial(&|p| p.joints.region.0[0][0] = f64::NAN), number);
+    assert_eq!(cmac(&|c| c.layout.layers = 2), taught);
+    assert_eq!(cmac(&|c| c.layout.cells = 0), taught);
+    assert_eq!(cmac(&|c| c.table = &[7; 47]), taught);
+    assert_eq!(cmac(&|c| c.scale.clear()), taught);
+    assert_eq!(cmac(&|c| c.scale[1] = f64::INFINITY), number);
+    // A method without its tables.
+    assert_eq!(
+        refused(&|b| b.taught.polynomial = None),
+        Some(BlobError::NotTaught)
+    );
 }
 
 #[test]

@@ -2,6 +2,8 @@
 //! through the wrist singularity, along and into a joint limit, with and without a memory.
 
 #![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
+#[path = "support/path.rs"]
+mod path;
 #[path = "support/puma.rs"]
 #[expect(
     dead_code,
@@ -11,16 +13,13 @@ mod puma;
 #[expect(dead_code, reason = "random arms are for other tests")]
 mod support;
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use path::{in_plane, path};
 use puma::{blob, off};
 use support::Random;
 use truepose::budget::Budget;
 use truepose::compensate::{Compensator, Request};
-use truepose::jacobian::joint_column;
-use truepose::{Frame, Method, Model, Pose, Settings, Twist, forward};
-
-/// Points of a path, 0.1 mm apart.
-const POINTS: i32 = 1200;
+use truepose::taught::Taught;
+use truepose::{Method, Model, Settings};
 
 /// The largest step of any corrected joint beyond the nominal step, rad. A correction is at
 /// most `e / γ` times as steep as the singular value along the path, with a pose error e of
@@ -28,60 +27,12 @@ const POINTS: i32 = 1200;
 /// neighbours.
 const BOUND: f64 = 0.01 / 0.001 * 3e-4;
 
-/// A straight line in the arm's plane without turning the tool, through the configuration
-/// where the fifth joint is zero. Joints 4 and 6 stay where they are; the others are found by
-/// least squares, which is well conditioned here. Returns nominal joints.
-fn path(model: &Model<'_, f64, 6>, roll: f64, along: &Vector3<f64>) -> Vec<[f64; 6]> {
-    let chain = &model.nominal;
-    let singular = [0.3, -0.6, 0.2, 0.0, 0.0, roll];
-    let middle = model.nominal_pose(&singular);
-    let mut q = singular;
-    let mut walk = |steps: &mut dyn Iterator<Item = i32>| {
-        q = singular;
-        let mut out = Vec::new();
-        for k in steps {
-            let goal = Pose::new(
-                middle.rotation,
-                middle.translation + along * (f64::from(k) * 1e-4),
-            );
-            for _ in 0..5 {
-                let mut frames = [Frame::identity(); 6];
-                let tool = forward(&chain.base, &chain.joints, &q, &mut frames).then(&chain.tool);
-                let error = DVector::from_row_slice(&tool.twist_to(&goal).rows());
-                let free = [0, 1, 2, 4];
-                let mut matrix = DMatrix::zeros(6, free.len());
-                for (c, &j) in free.iter().enumerate() {
-                    let column =
-                        joint_column(chain.joints[j].kind, &frames[j], &tool.translation).rows();
-                    matrix.set_column(c, &DVector::from_row_slice(&column));
-                }
-                let step = matrix.svd(true, true).solve(&error, 1e-12).unwrap();
-                for (c, &j) in free.iter().enumerate() {
-                    q[j] += step[c];
-                }
-            }
-            assert!(tool_error(model, &q, &goal) < 1e-9);
-            out.push(q);
-        }
-        out
-    };
-    let mut before = walk(&mut (1..POINTS / 2).map(|k| -k));
-    before.reverse();
-    before.extend(walk(&mut (0..POINTS / 2)));
-    before
-}
-
-fn tool_error(model: &Model<'_, f64, 6>, q: &[f64; 6], goal: &Pose<f64>) -> f64 {
-    size(&model.nominal_pose(q).twist_to(goal))
-}
-
-fn size(twist: &Twist<f64>) -> f64 {
-    twist.linear.norm().hypot(twist.angular.norm())
-}
-
-/// Direction in the arm's plane: up and forward.
-fn in_plane(first: f64) -> Vector3<f64> {
-    Vector3::new(first.cos() * 0.6, first.sin() * 0.6, 0.8)
+/// The methods that need no tables; those that do have the same paths to go in
+/// `host-tools/tests/taught_commands_are_continuous.rs`.
+fn model_based() -> impl Iterator<Item = Method> {
+    Method::ALL
+        .into_iter()
+        .filter(|&method| Taught::<f64>::default().has(method))
 }
 
 /// Largest joint step beyond the nominal one; checks the other promises on the way.
@@ -123,7 +74,7 @@ fn through_the_wrist_singularity() {
         let blob = blob(off(&mut random), &[]);
         let model = blob.model::<f64, 6>().unwrap();
         let path = path(&model, random.within(2.0), &in_plane(0.3));
-        for method in Method::ALL {
+        for method in model_based() {
             for (worst, memory) in worst.iter_mut().zip([false, true]) {
                 *worst = worst.max(roughness(&model, &path, method, memory));
             }
@@ -150,7 +101,7 @@ fn along_and_into_a_joint_limit() {
         let lowest = path.iter().map(|q| q[j]).fold(f64::MAX, f64::min);
         blob.limits[j][1] = lowest + (highest - lowest) * 0.7;
         let model = blob.model::<f64, 6>().unwrap();
-        for method in Method::ALL {
+        for method in model_based() {
             for (worst, memory) in worst.iter_mut().zip([false, true]) {
                 *worst = worst.max(roughness(&model, &path, method, memory));
             }

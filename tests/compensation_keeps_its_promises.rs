@@ -130,7 +130,8 @@ fn check<T: Scalar, const N: usize>(seed: u64) -> [usize; 3] {
     let mut random = Random(seed);
     let mut seen = [0; 3];
     for _ in 0..ARMS {
-        let blob = blobs::blob(&mut random, N);
+        let mut blob = blobs::blob(&mut random, N);
+        blobs::teach_nonsense(&mut random, &mut blob);
         let model = blob.model::<T, N>().unwrap();
         let settings = settings(&mut random).cast::<T>();
         let mut compensator = Compensator::new(&model).with_settings(settings);

@@ -85,7 +85,10 @@ pub fn blob(
 /// The bytes of a blob.
 pub fn encoded(blob: &Blob<'_>) -> Result<Vec<u8>, BlobError> {
     let taught = &blob.taught;
-    let polynomial = taught.polynomial.as_ref().map_or(0, |p| 4 * p.coefficients());
+    let polynomial = taught
+        .polynomial
+        .as_ref()
+        .map_or(0, |p| 4 * p.coefficients());
     let cmac = taught.cmac.as_ref().map_or(0, |c| c.table.len());
     let mut buffer = vec![0; LARGEST_BLOB + polynomial + cmac];
     Ok(blob.encode(&mut buffer)?.to_vec())

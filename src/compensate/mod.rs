@@ -21,8 +21,8 @@ mod solve;
 pub mod spherical_wrist;
 mod step;
 mod swift;
-mod taught;
 pub mod task_point;
+mod taught;
 
 use crate::budget::{Budget, Clock, Cost};
 use crate::effects::Conditions;

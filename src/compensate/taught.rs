@@ -72,7 +72,10 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
         let mut best = initial;
         let full = descent.moved(&descent.start, &correction, T::one());
         if let Some(end) = descent.evaluate(full, &mut room) {
-            let share = way(&descent.weighted(&initial.twist), &descent.weighted(&end.twist));
+            let share = way(
+                &descent.weighted(&initial.twist),
+                &descent.weighted(&end.twist),
+            );
             let found = if share < T::one() {
                 let mut part = full;
                 for (part, &start) in part.iter_mut().zip(&descent.start) {

@@ -79,11 +79,7 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     let memory = form.bytes(joints).unwrap_or(usize::MAX);
     let what = described(form, joints);
     // Before it is spent.
-    eprintln!(
-        "{}: {what}: {} of tables",
-        blob.robot,
-        kilobytes(memory)
-    );
+    eprintln!("{}: {what}: {} of tables", blob.robot, kilobytes(memory));
     let taught = teach(&blob, form, &region).map_err(|why| refused(why.to_owned()))?;
     let mut blob = parameters::decode(params, &bytes)?;
     taught.put(&mut blob);
@@ -117,7 +113,8 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     if !better {
         text += "commands are not better for it: teach a smaller region, or allow more memory\n";
     }
-    let error = |held: &Held| json!({ "mm": held.position * 1e3, "deg": held.orientation.to_degrees() });
+    let error =
+        |held: &Held| json!({ "mm": held.position * 1e3, "deg": held.orientation.to_degrees() });
     Ok(Outcome {
         text,
         json: json!({

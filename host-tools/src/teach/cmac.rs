@@ -71,7 +71,13 @@ impl Teacher {
     pub fn output(&self, at: &[f64]) -> Vec<f64> {
         let selected = self.selected(at);
         let total: f64 = selected.iter().map(|s| s.field).sum();
-        let one = |k| selected.iter().map(|s| s.field * self.weight(s, k)).sum::<f64>() / total;
+        let one = |k| {
+            selected
+                .iter()
+                .map(|s| s.field * self.weight(s, k))
+                .sum::<f64>()
+                / total
+        };
         (0..self.outputs).map(one).collect()
     }
 

@@ -203,8 +203,7 @@ fn outcomes(
     settings: Settings<f64>,
     q: &[Vec<f64>],
 ) -> Result<Vec<Answer>, BlobError> {
-    with_joints!(blob.joints(), N => sized::<N>(blob, settings, q))
-        .unwrap_or(Err(BlobError::Body))
+    with_joints!(blob.joints(), N => sized::<N>(blob, settings, q)).unwrap_or(Err(BlobError::Body))
 }
 
 fn sized<const N: usize>(
@@ -240,7 +239,9 @@ pub fn test(blob: &Blob<'_>, region: &[[f64; 2]]) -> Result<[Held; 2], BlobError
     let q: Vec<Vec<f64>> = (0..TESTED)
         .map(|_| {
             let ranges = region.iter().map(one);
-            ranges.map(|(low, high)| random.between(low, high)).collect()
+            ranges
+                .map(|(low, high)| random.between(low, high))
+                .collect()
         })
         .collect();
     let answers = outcomes(blob, blob.settings, &q)?;
