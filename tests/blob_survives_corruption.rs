@@ -4,6 +4,8 @@
 #[path = "support/blobs.rs"]
 mod blobs;
 mod support;
+#[path = "support/tables.rs"]
+mod tables;
 
 use blobs::blob;
 use nalgebra::Vector3;
@@ -216,7 +218,7 @@ fn tables_come_back_and_unsound_ones_are_refused() {
     for joints in 1..=7 {
         for _ in 0..5 {
             let mut blob = blob(&mut random, joints);
-            blobs::teach_nonsense(&mut random, &mut blob);
+            tables::teach_nonsense(&mut random, &mut blob);
             let mut buffer = vec![0; 1 << 17];
             let bytes = blob.encode(&mut buffer).unwrap().to_vec();
             assert_eq!(Blob::decode(&bytes), Ok(blob));

@@ -5,6 +5,8 @@
 #[path = "support/blobs.rs"]
 mod blobs;
 mod support;
+#[path = "support/tables.rs"]
+mod tables;
 
 use std::cell::Cell;
 
@@ -131,7 +133,7 @@ fn check<T: Scalar, const N: usize>(seed: u64) -> [usize; 3] {
     let mut seen = [0; 3];
     for _ in 0..ARMS {
         let mut blob = blobs::blob(&mut random, N);
-        blobs::teach_nonsense(&mut random, &mut blob);
+        tables::teach_nonsense(&mut random, &mut blob);
         let model = blob.model::<T, N>().unwrap();
         let settings = settings(&mut random).cast::<T>();
         let mut compensator = Compensator::new(&model).with_settings(settings);

@@ -99,11 +99,6 @@ pub enum Status {
     IterationLimit,
     /// Another iteration does not fit into the budget.
     OutOfBudget,
-    /// Refused, the nominal command goes out: it is outside the region that the method was
-    /// taught on.
-    OutsideRegion,
-    /// Refused, the nominal command goes out: the blob has no tables for this method.
-    NotTaught,
     /// Refused, the nominal command goes out: NaN or infinity in directions or payload.
     ConditionsNotFinite,
     /// Refused, the nominal command goes out: the requested pose is not finite or its rotation
@@ -115,6 +110,11 @@ pub enum Status {
     /// Refused, the last command goes out again (before the first: zero, moved into the
     /// limits): NaN or infinity in the nominal joints.
     JointsNotFinite,
+    /// Refused, the nominal command goes out: it is outside the region that the method was
+    /// taught on.
+    OutsideRegion,
+    /// Refused, the nominal command goes out: the blob has no tables for this method.
+    NotTaught,
 }
 
 impl Status {

@@ -6,7 +6,7 @@ use crate::Scalar;
 use crate::compensate::{Outcome, Status};
 
 /// Statuses that there are.
-const STATUSES: usize = 8;
+const STATUSES: usize = 10;
 
 /// What the loop did since the parameters came into use. Counters stay at their end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -53,6 +53,8 @@ fn place(status: Status) -> u8 {
         Status::NotAPose => 5,
         Status::PredictionNotFinite => 6,
         Status::JointsNotFinite => 7,
+        Status::OutsideRegion => 8,
+        Status::NotTaught => 9,
     }
 }
 

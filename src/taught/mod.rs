@@ -18,7 +18,7 @@ pub use polynomial::Polynomial;
 pub const MAX_INPUTS: usize = 12;
 
 /// What a blob can carry besides the model. `'a`: the blob.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Taught<'a, T: Scalar> {
     /// MRD 5.4.1.
     #[serde(borrow)]
@@ -46,6 +46,15 @@ pub struct Place<T> {
 
 /// Share of half a region's width over which corrections fade out beyond it.
 pub const MARGIN: f64 = 0.1;
+
+impl<T: Scalar> Default for Taught<'_, T> {
+    fn default() -> Self {
+        Self {
+            polynomial: None,
+            cmac: None,
+        }
+    }
+}
 
 impl<'a, T: Scalar> Taught<'a, T> {
     /// Whether there is nothing.
