@@ -162,11 +162,11 @@ impl<T: Scalar> Pose<T> {
         let cos_pitch = (r[(0, 0)] * r[(0, 0)] + r[(1, 0)] * r[(1, 0)]).root();
         let pitch = (-r[(2, 0)]).arctangent2(cos_pitch);
         if cos_pitch > T::EPSILON * T::of(16.0) {
-            Vector3::new(
-                r[(2, 1)].arctangent2(r[(2, 2)]),
-                pitch,
-                r[(1, 0)].arctangent2(r[(0, 0)]),
-            )
+            let yaw = r[(1, 0)].arctangent2(r[(0, 0)]);
+            // Roll of what the yaw leaves: near +-pi/2 of pitch it takes up the yaw's rounding.
+            let (s, c) = yaw.sincos();
+            let roll = (s * r[(0, 2)] - c * r[(1, 2)]).arctangent2(c * r[(1, 1)] - s * r[(0, 1)]);
+            Vector3::new(roll, pitch, yaw)
         } else {
             Vector3::new(T::zero(), pitch, (-r[(0, 1)]).arctangent2(r[(1, 1)]))
         }

@@ -2,7 +2,9 @@
 //! as parameters for the controller.
 
 pub mod cell;
+pub mod circle_points;
 pub mod compensate;
+pub mod convert;
 pub mod demo;
 pub mod deploy;
 pub mod description;

@@ -6,7 +6,9 @@
 //! it noticed with [`warn`] and hands back what is printed and written: nothing is written
 //! before all of it is there.
 
+mod circle_points;
 mod compensate;
+mod convert;
 mod demo;
 mod diagnose;
 mod identify;
@@ -47,6 +49,8 @@ enum Command {
     Compensate(compensate::Options),
     Verify(verify::Options),
     Plan(plan::Options),
+    CirclePoints(circle_points::Options),
+    Convert(convert::Options),
     Demo(demo::Options),
     Inspect(inspect::Options),
 }
@@ -81,6 +85,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
         Command::Compensate(options) => compensate::files(options),
         Command::Verify(options) => verify::files(options),
         Command::Plan(options) => plan::files(options),
+        Command::CirclePoints(options) => circle_points::files(options),
+        Command::Convert(options) => convert::files(options),
         Command::Demo(options) => demo::files(options),
         Command::Inspect(options) => inspect::files(options),
     };
@@ -94,6 +100,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
         Command::Compensate(options) => compensate::run(options),
         Command::Verify(options) => verify::run(options),
         Command::Plan(options) => plan::run(options),
+        Command::CirclePoints(options) => circle_points::run(options),
+        Command::Convert(options) => convert::run(options),
         Command::Demo(options) => demo::run(options),
         Command::Inspect(options) => inspect::run(options),
     }?;

@@ -4,6 +4,8 @@
 
 mod toml;
 mod urdf;
+mod write_toml;
+mod write_urdf;
 mod zero_reference;
 
 use std::path::{Path, PathBuf};
@@ -45,6 +47,14 @@ pub struct RobotJoint {
     pub link: Option<LinkMass<f64>>,
 }
 
+/// The file, and the link named behind a `#`.
+fn with_tip<'a>(file: &'a Path, name: &'a str) -> (&'a Path, Option<&'a str>) {
+    match name.rsplit_once('#') {
+        Some((path, tip)) if !file.exists() => (Path::new(path), Some(tip)),
+        _ => (file, None),
+    }
+}
+
 /// Gravity where a description says nothing, m/s^2 in the base frame.
 pub const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 
@@ -53,10 +63,7 @@ impl Robot {
     /// arm at that link of a URDF file.
     pub fn read(file: &Path) -> Result<Self, Error> {
         let name = file.to_string_lossy();
-        let (path, tip) = match name.rsplit_once('#') {
-            Some((path, tip)) if !file.exists() => (Path::new(path), Some(tip)),
-            _ => (file, None),
-        };
+        let (path, tip) = with_tip(file, &name);
         let text = read_text(path)?;
         if urdf::is_xml(&text) {
             return urdf::parse(path, &text, tip);
@@ -69,6 +76,29 @@ impl Robot {
             ));
         }
         toml::parse(path, &text)
+    }
+
+    /// The description as TOML. Angles in deg and lengths in mm to the thirteenth decimal.
+    pub fn to_toml(&self) -> String {
+        write_toml::write(self)
+    }
+
+    /// The description as a new URDF file, its tip `tool0`. A slide needs its limits.
+    pub fn to_urdf(&self) -> Result<String, Error> {
+        write_urdf::write(self)
+    }
+
+    /// The URDF file that this robot was read from, named as it was then, with its joints and
+    /// tool where `calibrated` has them; `None` where it is not a URDF file. Poses are those of
+    /// `calibrated` from its base on: the root link stands at the robot's base.
+    pub fn rewrite_urdf(&self, file: &Path, calibrated: &Self) -> Result<Option<String>, Error> {
+        let name = file.to_string_lossy();
+        let (path, tip) = with_tip(file, &name);
+        let text = read_text(path)?;
+        match urdf::is_xml(&text) {
+            true => write_urdf::rewrite(path, &text, tip, self, calibrated).map(Some),
+            false => Ok(None),
+        }
     }
 
     /// Joints without what else is known of them.

@@ -76,27 +76,27 @@ pub(super) fn parse(file: &Path, text: &str, tip: Option<&str>) -> Result<Robot,
 }
 
 /// The file, for messages and numbers.
-struct Urdf<'t> {
-    file: &'t Path,
-    document: &'t Document<'t>,
+pub(super) struct Urdf<'t> {
+    pub(super) file: &'t Path,
+    pub(super) document: &'t Document<'t>,
 }
 
 /// A joint element and the links that it connects.
 #[derive(Clone, Copy)]
-struct Edge<'t> {
-    node: Node<'t, 't>,
-    parent: &'t str,
+pub(super) struct Edge<'t> {
+    pub(super) node: Node<'t, 't>,
+    pub(super) parent: &'t str,
     /// Root to joint frame with all joints at zero.
     t_root_joint: Pose<f64>,
 }
 
 /// The links of the file, each with the joint that it hangs on.
-struct Tree<'t> {
+pub(super) struct Tree<'t> {
     urdf: &'t Urdf<'t>,
     robot: Node<'t, 't>,
     links: BTreeMap<&'t str, Node<'t, 't>>,
     /// By child link; the root has none.
-    edges: BTreeMap<&'t str, Edge<'t>>,
+    pub(super) edges: BTreeMap<&'t str, Edge<'t>>,
 }
 
 impl<'t> Urdf<'t> {
@@ -156,16 +156,16 @@ impl<'t> Urdf<'t> {
     }
 }
 
-fn child<'t>(node: Node<'t, 't>, name: &str) -> Option<Node<'t, 't>> {
+pub(super) fn child<'t>(node: Node<'t, 't>, name: &str) -> Option<Node<'t, 't>> {
     node.children().find(|n| n.has_tag_name(name))
 }
 
-fn moves(node: Node<'_, '_>) -> bool {
+pub(super) fn moves(node: Node<'_, '_>) -> bool {
     node.attribute("type") != Some("fixed")
 }
 
 impl<'t> Tree<'t> {
-    fn of(urdf: &'t Urdf<'t>, robot: Node<'t, 't>) -> Result<Self, Error> {
+    pub(super) fn of(urdf: &'t Urdf<'t>, robot: Node<'t, 't>) -> Result<Self, Error> {
         let mut tree = Self {
             urdf,
             robot,
@@ -242,14 +242,14 @@ impl<'t> Tree<'t> {
     }
 
     /// Root to the link's frame with all joints at zero.
-    fn pose(&self, link: &str) -> Pose<f64> {
+    pub(super) fn pose(&self, link: &str) -> Pose<f64> {
         self.edges
             .get(link)
             .map_or_else(Pose::identity, |edge| edge.t_root_joint)
     }
 
     /// Links from the first below the root to `tip`.
-    fn chain(&self, tip: &'t str) -> Vec<&'t str> {
+    pub(super) fn chain(&self, tip: &'t str) -> Vec<&'t str> {
         let mut chain = vec![tip];
         let mut at = tip;
         while let Some(edge) = self.edges.get(at) {
@@ -261,7 +261,7 @@ impl<'t> Tree<'t> {
         chain
     }
 
-    fn tip(&self, named: Option<&str>) -> Result<&'t str, Error> {
+    pub(super) fn tip(&self, named: Option<&str>) -> Result<&'t str, Error> {
         let is_leaf = |link: &&str| !self.edges.values().any(|e| e.parent == *link);
         let leaves: Vec<&str> = self.links.keys().copied().filter(is_leaf).collect();
         let by_name = |name: &str| self.links.keys().copied().find(|link| *link == name);

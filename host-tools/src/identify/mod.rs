@@ -96,8 +96,12 @@ pub fn geometry(problem: &Problem, calibration: &Calibration) -> Vec<Unknown> {
 }
 
 fn with_joints(problem: &Problem, structure: &Structure) -> Vec<Unknown> {
-    let mut candidates = placement(problem);
-    for unknown in &structure.unknowns {
+    // A tool that is a combination of other parameters, as its height is where all axes are
+    // nearly parallel, must not take the place of one of those.
+    let told = |unknown: &Unknown| structure.dropped.iter().any(|(u, _)| u == unknown);
+    let (last, mut candidates): (Vec<Unknown>, Vec<Unknown>) =
+        placement(problem).into_iter().partition(told);
+    for unknown in structure.unknowns.iter().chain(&last) {
         if !candidates.contains(unknown) {
             candidates.push(*unknown);
         }

@@ -20,6 +20,9 @@ use super::unknown::Unknown;
 /// Axes closer than this are nearly parallel, rad.
 pub const NEARLY_PARALLEL: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
+/// Share of a column that is clearly not a combination of others.
+const CLEAR: f64 = 0.02;
+
 /// A pair of neighbouring joints that were given beta in place of d.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearlyParallel {
@@ -81,8 +84,11 @@ pub fn structure(arm: &ArmModel, sigmas: Sigmas) -> Structure {
         let hayati = parallel.iter().any(|p| p.joint == j);
         let zero_reference = joint.convention == Convention::ZeroReference;
         let mut parameters = joint.parameters().to_vec();
-        // what a person would rather see identified comes first
+        // What a person would rather see identified comes first. A slide has no place: its
+        // `a` moves the next axis as other lengths do, of which `d` is one (MRD 4.5.2).
+        let slides = joint.kind == JointKind::Prismatic;
         parameters.sort_by_key(|p| match p {
+            Parameter::A if slides => 7,
             Parameter::A => 0,
             Parameter::Alpha => 1,
             Parameter::Beta => 2,
@@ -119,9 +125,15 @@ pub fn structure(arm: &ArmModel, sigmas: Sigmas) -> Structure {
         ..sigmas
     };
     let linear = linearize(arm, &candidates, &scales, &references, unit);
-    // Columns are of order one per pose; dependent ones leave rounding, independent ones at
-    // least the angle that keeps axes from being nearly parallel.
-    let Selection { kept, dropped } = select(&linear.jacobian, 1e-9, 1e-7);
+    // Columns are of order one per pose; dependent ones leave rounding. What is nearly
+    // another's combination, as lengths along nearly parallel axes are, must not take the place
+    // of what is not: it is asked last.
+    let clear = select(&linear.jacobian, 1e-9, CLEAR);
+    let rest = (0..candidates.len()).filter(|k| !clear.kept.contains(k));
+    let order: Vec<usize> = clear.kept.iter().copied().chain(rest).collect();
+    let candidates: Vec<Unknown> = order.iter().map(|&k| candidates[k]).collect();
+    let jacobian = linear.jacobian.select_columns(&order);
+    let Selection { kept, dropped } = select(&jacobian, 1e-9, 1e-7);
     Structure {
         unknowns: kept.iter().map(|&k| candidates[k]).collect(),
         dropped: dropped

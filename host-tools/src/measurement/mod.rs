@@ -7,6 +7,7 @@ mod plausible;
 mod rows;
 mod sidecar;
 mod split;
+mod unknown_robot;
 
 use std::path::{Path, PathBuf};
 
