@@ -1,28 +1,127 @@
 //! How often the diagnosis names what a simulated cell hides.
 //!
-//! `cargo run --release -p truepose-host-tools --example diagnosis_table -- SEEDS [KIND,...]`
-//! prints one line a kind of effect: runs, named first, named first or listed as a rival,
-//! runs with a further name, verify rms over the noise's share (median and 95 % point).
+//! `cargo run --release -p truepose-host-tools --example diagnosis_table -- SEEDS [LINE,...]`
+//! prints one line a scenario or kind of effect (docs/DIAGNOSIS.md explains the columns), and
+//! what went wrong on stderr.
 
 use std::error::Error;
 
+use rayon::prelude::*;
 use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen};
 use truepose_host::diagnose::hypothesis::Hypothesis;
-use truepose_host::diagnose::{Diagnosis, diagnose};
+use truepose_host::diagnose::{Answer, Diagnosis, diagnose};
+use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::assess::{Statistics, errors};
 use truepose_host::identify::observation::Observation;
 use truepose_host::identify::readings::identify_file;
 
-const KINDS: &str = "nothing,joint-gain,gear-eccentricity,gear-ripple,joint-curve,\
-    joint-compliance,cross-axis-compliance,tool-load,link-bending,base-flex,backlash,\
-    thermal-growth,thermal-drift,time-drift,warm-up,step-change,joint-coupling,axis-wobble,\
-    early-reading";
-
 const ARMS: [Arm; 4] = [Arm::Puma560, Arm::Ur10, Arm::Irb120, Arm::Panda];
+
+/// Kinds of the catalogue that every arm can show.
+const KINDS: [&str; 18] = [
+    "joint-gain",
+    "gear-eccentricity",
+    "gear-ripple",
+    "joint-curve",
+    "joint-compliance",
+    "cross-axis-compliance",
+    "tool-load",
+    "link-bending",
+    "base-flex",
+    "backlash",
+    "thermal-growth",
+    "thermal-drift",
+    "time-drift",
+    "warm-up",
+    "step-change",
+    "joint-coupling",
+    "axis-wobble",
+    "early-reading",
+];
+
+/// What a line of the table simulates.
+#[derive(Clone)]
+struct Scenario {
+    name: String,
+    /// Kinds that seeds take their effects from in turn, and how many of them at once.
+    kinds: Vec<&'static str>,
+    at_once: usize,
+    rows: usize,
+    instrument: fn(Seen) -> Instrument,
+}
+
+impl Scenario {
+    fn named(name: &str) -> Option<Self> {
+        let plain = |kinds: Vec<&'static str>, at_once| Self {
+            name: name.to_owned(),
+            kinds,
+            at_once,
+            rows: 150,
+            instrument: Instrument::new,
+        };
+        let heavy = |seen| Instrument {
+            student: Some(4),
+            ..Instrument::new(seen)
+        };
+        let unbalanced = |seen| Instrument {
+            declared: Some([1.73, 1.0 / 1.73]),
+            ..Instrument::new(seen)
+        };
+        let outliers = |seen| Instrument {
+            outliers: Some((0.04, 4e-3)),
+            ..Instrument::new(seen)
+        };
+        Some(match name {
+            "nothing" => plain(Vec::new(), 0),
+            "nothing-heavy-tails" => Self {
+                instrument: heavy,
+                ..plain(Vec::new(), 0)
+            },
+            "nothing-wrong-ratio" => Self {
+                instrument: unbalanced,
+                ..plain(Vec::new(), 0)
+            },
+            "one" => plain(KINDS.to_vec(), 1),
+            "two" => plain(KINDS.to_vec(), 2),
+            "three" => plain(KINDS.to_vec(), 3),
+            "one-outliers" => Self {
+                instrument: outliers,
+                ..plain(KINDS.to_vec(), 1)
+            },
+            "one-30-poses" => Self {
+                rows: 45,
+                ..plain(KINDS.to_vec(), 1)
+            },
+            "outside" => plain(Hidden::OUTSIDE.to_vec(), 1),
+            name => {
+                let all = KINDS.iter().chain(&Hidden::OUTSIDE);
+                plain(vec![all.copied().find(|&k| k == name)?], 1)
+            }
+        })
+    }
+}
+
+/// What one run gave.
+#[derive(Default)]
+struct Run {
+    hidden: usize,
+    /// Hidden effects named, named or listed as rivals.
+    named: usize,
+    listed: usize,
+    first: bool,
+    /// Names of the catalogue that are not hidden.
+    further: usize,
+    unnamed: bool,
+    answer: Option<Answer>,
+    /// Verify rms: geometry alone, complete, the same rows without the effect (geometry).
+    rms: [f64; 3],
+    remark: String,
+}
 
 fn same(hypothesis: &Hypothesis, hidden: Hidden) -> bool {
     let order = hidden.order().map(f64::from);
     let joint = match hypothesis.kind {
+        // any of its joints, or the group
         "joint-compliance" | "tool-load" => true,
         _ => hypothesis.joint == hidden.joint(),
     };
@@ -34,90 +133,181 @@ fn same(hypothesis: &Hypothesis, hidden: Hidden) -> bool {
         }
 }
 
-/// What was hidden, if anything, and what was made of it.
-type Run = (Option<Hidden>, Diagnosis);
-
-fn run(kind: &str, seed: u64) -> Result<Option<Run>, Box<dyn Error>> {
+/// `None` where these poses cannot show the effect.
+fn run(scenario: &Scenario, seed: u64) -> Result<Option<Run>, String> {
     let arm = ARMS[(seed % 4) as usize];
     let seen = if seed.is_multiple_of(2) {
         Seen::Position
     } else {
         Seen::Pose
     };
+    let pick = |i: usize| {
+        let kinds = &scenario.kinds;
+        kinds[(seed as usize * (1 + 6 * i) + seed as usize / 4 + 5 * i) % kinds.len()]
+    };
+    let kinds: Vec<&str> = (0..scenario.at_once).map(pick).collect();
     let mut conditions = Conditions::rich();
-    conditions.approached = kind != "early-reading";
-    let instrument = Instrument::new(seen);
-    let mut cell = Cell::new(arm, seed);
-    let visits = cell.schedule(&conditions, 150, 0);
-    let mut hidden = None;
-    if kind != "nothing" {
-        let ratio = 1.5 + (seed % 5) as f64 / 4.0;
-        let Some(drawn) = Hidden::draw(kind, arm, seed) else {
+    conditions.approached = !kinds.contains(&"early-reading");
+    let instrument = (scenario.instrument)(seen);
+    let empty = Cell::new(arm, seed);
+    let visits = empty.schedule(&conditions, scenario.rows, 0);
+    let mut cell = empty.clone();
+    let mut hidden = Vec::new();
+    for (i, kind) in kinds.iter().enumerate() {
+        let ratio = 1.5 + ((seed + i as u64) % 5) as f64 / 4.0;
+        let Some(drawn) = Hidden::draw(kind, arm, seed + 1000 * i as u64) else {
             return Ok(None);
         };
+        if kinds[..i].contains(kind) {
+            return Ok(None);
+        }
         match cell.clone().showing(drawn, ratio, &visits, &instrument) {
             Ok(with) => cell = with,
             Err(_) => return Ok(None),
         }
-        hidden = Some(drawn);
+        hidden.push(drawn);
     }
-    let data = cell.measure(&visits, &conditions, &instrument, 0).dataset();
-    let identified = identify_file(&cell.robot(), &data, Vec::new())
-        .map_err(|failure| format!("{kind} {seed}: {failure:?}"))?;
-    let diagnosis = diagnose(identified, &|_| {}).map_err(|failure| format!("{failure:?}"))?;
-    Ok(Some((hidden, diagnosis)))
+    let fitted = |cell: &Cell| {
+        let measured = cell.measure(&visits, &conditions, &instrument, 0);
+        let gross: Vec<usize> = (0..measured.rows.len())
+            .filter(|&i| measured.rows[i].outlier)
+            .map(|i| i + 1)
+            .collect();
+        identify_file(&cell.robot(), &measured.dataset(), Vec::new())
+            .map(|identified| (identified, gross))
+            .map_err(|failure| format!("{hidden:?} {seed}: {failure:?}"))
+    };
+    let (floor, _) = fitted(&empty)?;
+    let (identified, gross) = fitted(&cell)?;
+    let diagnosis =
+        diagnose(identified, &|_| {}).map_err(|failure| format!("{hidden:?} {seed}: {failure:?}"))?;
+    let rms = |arm: &ArmModel, rows: &[Observation]| {
+        let verify: Vec<&Observation> =
+            rows.iter().filter(|o| !gross.contains(&o.row)).collect();
+        Statistics::of(&errors(arm, &verify).distances).map_or(0.0, |s| s.rms)
+    };
+    let rows = &diagnosis.identified.problem.verify;
+    let calibration = &diagnosis.identified.calibration;
+    Ok(Some(judged(
+        &diagnosis,
+        &hidden,
+        [
+            rms(&calibration.geometric.arm, rows),
+            rms(&calibration.complete.arm, rows),
+            rms(&floor.calibration.geometric.arm, &floor.problem.verify),
+        ],
+        seed,
+    )))
+}
+
+fn judged(diagnosis: &Diagnosis, hidden: &[Hidden], rms: [f64; 3], seed: u64) -> Run {
+    let named = &diagnosis.named;
+    let is_named = |h: &&Hidden| named.iter().any(|n| same(&n.step.hypothesis, **h));
+    let is_listed = |h: &&Hidden| {
+        let rivals = named.iter().flat_map(|n| &n.rivals);
+        let mut close = rivals.filter(|r| r.delta_bic < 10.0);
+        is_named(h) || close.any(|r| same(&r.hypothesis, **h))
+    };
+    let physical = named.iter().filter(|n| n.step.hypothesis.kind != "unnamed");
+    let further = physical
+        .filter(|n| !hidden.iter().any(|h| same(&n.step.hypothesis, *h)))
+        .count();
+    let labels: Vec<String> = named.iter().map(|n| n.step.hypothesis.label()).collect();
+    let mut run = Run {
+        hidden: hidden.len(),
+        named: hidden.iter().filter(is_named).count(),
+        listed: hidden.iter().filter(is_listed).count(),
+        first: match (named.first(), hidden) {
+            (None, []) => true,
+            (Some(first), hidden) => hidden.iter().any(|h| same(&first.step.hypothesis, *h)),
+            _ => false,
+        },
+        further,
+        unnamed: named.iter().any(|n| n.step.hypothesis.kind == "unnamed"),
+        answer: Some(diagnosis.answer()),
+        rms,
+        remark: String::new(),
+    };
+    let [geometric, complete, floor] = rms.map(|x| x * 1e3);
+    if run.named < run.hidden || named.len() > run.hidden || complete > 1.05 * floor {
+        run.remark = format!(
+            "{seed}: {hidden:?}, {geometric:.4} to {complete:.4} of {floor:.4} mm, {:?}, {labels:?}",
+            diagnosis.answer()
+        );
+    }
+    run
+}
+
+fn at(sorted: &[f64], share: f64) -> f64 {
+    let last = sorted.len().saturating_sub(1);
+    let place = (share * last as f64).round() as usize;
+    sorted.get(place).copied().unwrap_or(f64::NAN)
+}
+
+fn line(scenario: &Scenario, runs: &[Run]) -> String {
+    let count = |is: &dyn Fn(&Run) -> bool| runs.iter().filter(|r| is(r)).count();
+    let sorted = |value: &dyn Fn(&Run) -> f64| {
+        let mut values: Vec<f64> = runs.iter().map(value).collect();
+        values.sort_by(f64::total_cmp);
+        values
+    };
+    let over_floor = sorted(&|r| r.rms[1] / r.rms[2]);
+    let over_geometry = sorted(&|r| r.rms[1] / r.rms[0]);
+    let removed = sorted(&|r| {
+        let [geometric, complete, floor] = r.rms.map(|x| x * x);
+        (geometric - complete) / (geometric - floor)
+    });
+    let removed = match scenario.at_once {
+        0 => "-".to_owned(),
+        _ => format!("{:.2}", at(&removed, 0.5)),
+    };
+    let remains = |r: &Run| r.answer == Some(Answer::StructureRemains);
+    format!(
+        "| {} | {} | {} | {} | {} | {} | {} | {} | {} | {:.3} / {:.3} | {:.3} | {removed} |",
+        scenario.name,
+        runs.len(),
+        count(&|r| r.first),
+        count(&|r| r.named == r.hidden),
+        count(&|r| r.listed == r.hidden),
+        count(&|r| r.further > 0),
+        count(&|r| r.unnamed),
+        count(&remains),
+        count(&|r| r.named + r.further > 0 && !remains(r)),
+        at(&over_floor, 0.5),
+        at(&over_floor, 0.95),
+        at(&over_geometry, 1.0),
+    )
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
-    let seeds: u64 = arguments
-        .next()
-        .unwrap_or_else(|| "20".to_owned())
-        .parse()?;
-    let kinds = arguments.next().unwrap_or_else(|| KINDS.to_owned());
-    println!("kind | runs | first | listed | with a further name | structure | final / geometric");
-    for kind in kinds.split(',') {
-        let (mut runs, mut first, mut listed, mut extra, mut structure) = (0, 0, 0, 0, 0);
-        let mut ratios = Vec::new();
-        for seed in 0..seeds {
-            let Some((hidden, diagnosis)) = run(kind, seed)? else {
-                continue;
-            };
-            runs += 1;
-            let named = &diagnosis.named;
-            if let Some(hidden) = hidden {
-                let is_first = named
-                    .first()
-                    .is_some_and(|n| same(&n.step.hypothesis, hidden));
-                let is_listed = named.iter().any(|n| {
-                    same(&n.step.hypothesis, hidden)
-                        || n.rivals
-                            .iter()
-                            .any(|r| r.delta_bic < 10.0 && same(&r.hypothesis, hidden))
-                });
-                first += usize::from(is_first);
-                listed += usize::from(is_listed);
-                if !is_first {
-                    let labels: Vec<String> =
-                        named.iter().map(|n| n.step.hypothesis.label()).collect();
-                    eprintln!("{kind} {seed}: hidden {hidden:?}, named {labels:?}");
-                }
-            }
-            extra += usize::from(named.len() > usize::from(hidden.is_some()));
-            structure += usize::from(diagnosis.whiteness.as_ref().is_some_and(|w| w.structure));
-            let problem = &diagnosis.identified.problem;
-            let verify: Vec<&Observation> = problem.verify.iter().collect();
-            let calibration = &diagnosis.identified.calibration;
-            let rms = |arm| Statistics::of(&errors(arm, &verify).distances).map_or(0.0, |s| s.rms);
-            ratios.push(rms(&calibration.complete.arm) / rms(&calibration.geometric.arm));
+    let seeds: u64 = match arguments.next() {
+        Some(seeds) => seeds.parse()?,
+        None => 20,
+    };
+    let lines = arguments.next().unwrap_or_else(|| {
+        let scenarios = "nothing,nothing-heavy-tails,nothing-wrong-ratio,one,one-outliers,\
+                         one-30-poses,two,three";
+        let kinds = KINDS.iter().chain(&Hidden::OUTSIDE);
+        kinds.fold(scenarios.to_owned(), |all, kind| format!("{all},{kind}"))
+    });
+    println!(
+        "| line | runs | first | all named | all listed | further name | unnamed | \
+         structure remains | name without it | final / floor: median / 95 % | \
+         worst final / geometry | excess removed |"
+    );
+    println!("|{}", " --- |".repeat(12));
+    for name in lines.split(',') {
+        let scenario = Scenario::named(name).ok_or_else(|| format!("no line {name}"))?;
+        let runs: Vec<Option<Run>> = (0..seeds)
+            .into_par_iter()
+            .map(|seed| run(&scenario, seed))
+            .collect::<Result<_, _>>()?;
+        let runs: Vec<Run> = runs.into_iter().flatten().collect();
+        println!("{}", line(&scenario, &runs));
+        for run in runs.iter().filter(|r| !r.remark.is_empty()) {
+            eprintln!("{name} {}", run.remark);
         }
-        ratios.sort_by(f64::total_cmp);
-        let at = |share: f64| ratios.get((share * ratios.len() as f64) as usize).copied();
-        println!(
-            "{kind} | {runs} | {first} | {listed} | {extra} | {structure} | {:.3} ({:.3})",
-            at(0.5).unwrap_or(1.0),
-            at(0.95).or(ratios.last().copied()).unwrap_or(1.0)
-        );
     }
     Ok(())
 }

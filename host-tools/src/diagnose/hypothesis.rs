@@ -1,8 +1,9 @@
 //! What may be missing: every effect, joint and order that the data's columns allow.
 
 use truepose::JointKind;
-use truepose::effects::{Effect, KINDS, Kind, Needs, Selector, Wish};
+use truepose::effects::{Effect, KINDS, Kind, Needs, Selector, Shape, Wish};
 
+use super::unnamed::{label, terms};
 use crate::identify::arm::ArmModel;
 use crate::identify::observation::Observation;
 
@@ -48,6 +49,24 @@ impl Hypothesis {
             && self.from == other.from
             && near(self.order, other.order)
             && self.components() == other.components()
+            && self.is_same_form(other)
+    }
+
+    /// Without a name, what it depends on and how is all there is to tell terms apart. A
+    /// threshold is a constant that is refined.
+    fn is_same_form(&self, other: &Self) -> bool {
+        let (own, others) = (
+            terms(std::slice::from_ref(self)),
+            terms(std::slice::from_ref(other)),
+        );
+        own.len() == others.len()
+            && own.iter().zip(others).all(|(a, b)| {
+                let same = |k: usize| {
+                    a.factors[k].shape == Shape::Sign
+                        || (a.limits[3 * k] - b.limits[3 * k]).abs() < 0.3
+                };
+                a.factors == b.factors && same(0) && same(1)
+            })
     }
 
     /// Number of values that it adds.
@@ -76,6 +95,9 @@ impl Hypothesis {
 
     /// As a person says it, joints counted from 1.
     pub fn label(&self) -> String {
+        if let [term] = terms(std::slice::from_ref(self)).as_slice() {
+            return label(term);
+        }
         let mut label = match self.joint {
             Some(j) => format!("joint {} {}", j + 1, self.kind),
             None => self.kind.to_owned(),

@@ -1,7 +1,12 @@
 //! From the residual to what the model lacks: is the input right, is something missing, and
 //! if so, what.
 
+mod addition;
+pub(crate) mod chance;
+pub mod control;
 pub mod curve;
+mod exchange;
+mod groups;
 pub mod hypothesis;
 pub mod input;
 pub mod model;
@@ -10,9 +15,11 @@ pub mod periodogram;
 mod refine;
 mod run;
 pub mod search;
-pub mod significance;
+mod sensible;
 pub mod space;
+pub mod unnamed;
+pub mod unseen;
 pub mod validate;
 pub mod whiteness;
 
-pub use run::{Diagnosis, Named, Rival, diagnose};
+pub use run::{Answer, Diagnosis, Named, Rival, diagnose};

@@ -118,14 +118,18 @@ pub fn periodogram(
 
 /// The strongest lines of every revolute joint as hypotheses, each weighted by the number of
 /// lines that were looked at.
-pub fn peaks(model: &Extended, observations: &[&Observation], sigmas: Sigmas) -> Vec<Hypothesis> {
-    let (_, space) = model.space(observations, sigmas);
+pub fn peaks(
+    model: &Extended,
+    space: &Space,
+    observations: &[&Observation],
+    sigmas: Sigmas,
+) -> Vec<Hypothesis> {
     let mut found = Vec::new();
     for j in 0..model.arm.joint_count() {
         if model.arm.joints[j].kind != JointKind::Revolute {
             continue;
         }
-        let lines = periodogram(model, &space, observations, sigmas, j);
+        let lines = periodogram(model, space, observations, sigmas, j);
         let looked_at = (lines.len() * model.arm.joint_count()).max(1) as f64;
         let mut tops: Vec<Line> = lines
             .windows(3)

@@ -1,4 +1,7 @@
-//! Constants that the model is not linear in: a step's time, a warm-up's time constant.
+//! Constants that the model is not linear in: a step's time, a warm-up's time constant, the
+//! threshold of a sign.
+
+use truepose::effects::{Effect, Factor, Shape, Variable};
 
 use super::hypothesis::Members;
 use super::model::Extended;
@@ -17,44 +20,69 @@ const FACTORS: [&[f64]; 2] = [
 pub(super) fn refined(search: &Search<'_>, mut model: Extended) -> Extended {
     for index in 0..model.accepted.len() {
         match model.accepted[index].kind {
-            "step-change" => model = best(search, model, index, &times(search)),
+            "step-change" => model = best(search, model, index, 0, &times(search)),
             "warm-up" => {
                 for factors in FACTORS {
-                    let Some(tau) = constant(&model, index) else {
+                    let Some(tau) = constant(&model, index, 0) else {
                         break;
                     };
                     let tried: Vec<f64> = factors.iter().map(|f| f * tau).collect();
-                    model = best(search, model, index, &tried);
+                    model = best(search, model, index, 0, &tried);
                 }
             }
-            _ => {}
+            _ => {
+                for (place, joint) in thresholds(&model, index) {
+                    model = best(search, model, index, place, &readings(search, joint));
+                }
+            }
         }
     }
     model
 }
 
-fn constant(model: &Extended, index: usize) -> Option<f64> {
+fn constant(model: &Extended, index: usize, place: usize) -> Option<f64> {
     let effect = model.effects_of(index).first()?;
-    effect.model().constants().first().copied()
+    effect.model().constants().get(place).copied()
 }
 
-/// Midpoints between the times of successive rows, thinned evenly.
+/// Places of thresholds among the constants of an unnamed term, and of which joint.
+fn thresholds(model: &Extended, index: usize) -> Vec<(usize, usize)> {
+    let Some(Effect::Unnamed(term)) = model.effects_of(index).first() else {
+        return Vec::new();
+    };
+    let of = |(k, factor): (usize, &Factor)| match (factor.shape, factor.variable) {
+        (Shape::Sign, Variable::Joint(j)) => Some((3 * k, usize::from(j))),
+        _ => None,
+    };
+    term.factors.iter().enumerate().filter_map(of).collect()
+}
+
 fn times(search: &Search<'_>) -> Vec<f64> {
-    let mut times: Vec<f64> = search
-        .observations
-        .iter()
-        .map(|o| o.ambient.time)
-        .filter(|t| t.is_finite())
-        .collect();
-    times.sort_by(f64::total_cmp);
-    times.dedup();
-    times.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect()
+    let times = search.observations.iter().map(|o| o.ambient.time);
+    midpoints(times.filter(|t| t.is_finite()).collect())
+}
+
+fn readings(search: &Search<'_>, joint: usize) -> Vec<f64> {
+    midpoints(search.observations.iter().map(|o| o.q[joint]).collect())
+}
+
+/// Midpoints between successive values.
+fn midpoints(mut values: Vec<f64>) -> Vec<f64> {
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    values.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect()
 }
 
 /// The model with the constant of an accepted hypothesis where the fit is best. For a long
 /// list only the values nearest to the present one are tried.
-fn best(search: &Search<'_>, model: Extended, index: usize, values: &[f64]) -> Extended {
-    let Some(present) = constant(&model, index) else {
+fn best(
+    search: &Search<'_>,
+    model: Extended,
+    index: usize,
+    place: usize,
+    values: &[f64],
+) -> Extended {
+    let Some(present) = constant(&model, index, place) else {
         return model;
     };
     let mut near = values.to_vec();
@@ -65,8 +93,8 @@ fn best(search: &Search<'_>, model: Extended, index: usize, values: &[f64]) -> E
         let mut accepted = model.accepted.clone();
         if let Members::Effects(effects) = &mut accepted[index].members {
             for effect in effects {
-                if let Some(first) = effect.model_mut().constants_mut().first_mut() {
-                    *first = value;
+                if let Some(constant) = effect.model_mut().constants_mut().get_mut(place) {
+                    *constant = value;
                 }
             }
         }

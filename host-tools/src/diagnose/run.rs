@@ -2,10 +2,12 @@
 
 use truepose::effects::{Effect, JointCurve, encode};
 
+use super::control::{Control, control};
 use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
 use super::noise::estimated;
 use super::search::{Search, Step};
+use super::unseen::{Unseen, unseen};
 use super::validate::{Blocks, folds};
 use super::whiteness::{Whiteness, whiteness};
 use crate::identify::arm::{ArmModel, Curve};
@@ -18,9 +20,6 @@ use crate::identify::{Failure, Stage, geometry};
 /// Scalar equations that the search works on; more rows are thinned evenly, and all of them
 /// take part in the final fit.
 const SEARCH_EQUATIONS: usize = 2400;
-
-/// Rivals that explain the rows this much worse (difference in BIC) cannot be ruled out.
-const RIVAL: f64 = 10.0;
 
 /// Rivals this close make the verdict ambiguous: odds below 20 to 1.
 const UNDECIDED: f64 = 6.0;
@@ -50,6 +49,21 @@ pub struct Named {
     pub rms: [f64; 2],
     /// What else it could have been, likeliest first.
     pub rivals: Vec<Rival>,
+    /// Itself with its covariate shuffled, where it has one.
+    pub control: Option<Control>,
+}
+
+/// The answer in one word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// What is left is noise.
+    Explained,
+    /// Geometry alone was enough.
+    NothingMissing,
+    /// More is there than has a name.
+    StructureRemains,
+    /// These poses cannot tell some effect from another.
+    Ambiguous,
 }
 
 /// Result of [`diagnose`].
@@ -60,10 +74,34 @@ pub struct Diagnosis {
     pub named: Vec<Named>,
     /// Tests of what is left.
     pub whiteness: Option<Whiteness>,
+    /// Rows that no fit has seen, against those of the fit.
+    pub unseen: Option<Unseen>,
     /// Geometry and complete model cross-validated on contiguous blocks, m.
     pub blocks: Option<[Statistics; 2]>,
-    /// The effect as which some rival cannot be ruled out.
+    /// Some effect has a rival that cannot be ruled out.
     pub ambiguous: bool,
+    /// Something was found and taken back, since it did not hold on blocks of rows that no fit
+    /// had seen.
+    pub withdrawn: bool,
+}
+
+impl Diagnosis {
+    /// The answer in one word. A term without a name is structure that remains, however well
+    /// it fits.
+    pub fn answer(&self) -> Answer {
+        let nameless = self.named.iter().any(|n| n.step.hypothesis.kind == "unnamed");
+        let structure = self.whiteness.as_ref().is_some_and(|w| w.structure);
+        let worse = self.unseen.is_some_and(|u| u.worse);
+        if nameless || structure || worse || self.withdrawn {
+            Answer::StructureRemains
+        } else if self.named.is_empty() {
+            Answer::NothingMissing
+        } else if self.ambiguous {
+            Answer::Ambiguous
+        } else {
+            Answer::Explained
+        }
+    }
 }
 
 fn thinned<'a>(observations: &[&'a Observation]) -> Vec<&'a Observation> {
@@ -92,7 +130,8 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
     progress("searching");
     let rows = thinned(&kept);
     let mut search = Search::new(&arm, rows, problem.sigmas, unknowns.clone());
-    let found = search.run(&arm, progress)?;
+    let mut found = search.run(&arm, progress)?;
+    let (blocks, withdrawn) = held(&search, &arm, &mut found.model);
 
     progress("fitting all rows");
     let mut sigmas = search.sigmas;
@@ -133,20 +172,21 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
         let so_far = model.accepted[..=index].to_vec();
         let partial = Extended::fitted(&arm, &unknowns, so_far, &search.observations, sigmas);
         let after = partial.map_or(before, |m| rms(&m.arm, &verify));
-        let rivals = rivals(&search, &found.model, hypothesis);
+        let rivals = rivals(&search, &found.model, index);
         ambiguous |= rivals.iter().any(|r| r.delta_bic < UNDECIDED);
         named.push(Named {
             step,
             effects: model.effects_of(index).to_vec(),
             rms: [before, after],
             rivals,
+            control: control(&search, &found.model, index),
         });
         before = after;
     }
 
     progress("testing what is left");
     let whiteness = whiteness(&model.arm, &model.fit.unknowns, &kept, sigmas, SEED);
-    let blocks = blocks(&search, &arm, &model);
+    let unseen = unseen(&model, &thinned(&kept), &thinned(&verify), sigmas);
     let mut arm = model.arm.clone();
     for curve in std::mem::take(&mut arm.curves) {
         if let Some(effect) = stored(&curve) {
@@ -162,8 +202,10 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
         identified,
         named,
         whiteness,
+        unseen,
         blocks,
         ambiguous,
+        withdrawn,
     })
 }
 
@@ -171,7 +213,7 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
 /// smaller after it came in.
 fn exchanged(search: &Search<'_>, model: &Extended, index: usize) -> Step {
     let hypothesis = model.accepted[index].clone();
-    let ln_p = match search.substitutes(model, index) {
+    let ln_p = match search.substitutes(model, index, false) {
         Ok(found) => found.own.ln_p - hypothesis.ln_weight,
         Err(_) => 0.0,
     };
@@ -187,26 +229,48 @@ fn rms(arm: &ArmModel, observations: &[&Observation]) -> f64 {
     Statistics::of(&errors(arm, observations).distances).map_or(0.0, |s| s.rms)
 }
 
-fn rivals(search: &Search<'_>, model: &Extended, hypothesis: &Hypothesis) -> Vec<Rival> {
-    let place = model.accepted.iter().position(|h| h.is_same(hypothesis));
-    if matches!(hypothesis.members, Members::Curve(_)) {
+fn rivals(search: &Search<'_>, model: &Extended, index: usize) -> Vec<Rival> {
+    let known = model.accepted.get(index);
+    if known.is_none_or(|h| matches!(h.members, Members::Curve(_))) {
         return Vec::new();
     }
-    let Some(Ok(substitutes)) = place.map(|index| search.substitutes(model, index)) else {
+    let Ok(substitutes) = search.substitutes(model, index, false) else {
         return Vec::new();
     };
     let own = substitutes.own.gain;
-    let others = substitutes.others.iter().zip(&substitutes.similarities);
-    others
-        .map(|((other, score), &similarity)| Rival {
-            hypothesis: other.clone(),
-            similarity,
-            delta_bic: own - score.gain,
+    substitutes
+        .others
+        .into_iter()
+        .map(|other| Rival {
+            delta_bic: own - other.score.gain,
+            hypothesis: other.hypothesis,
+            similarity: other.similarity,
         })
-        .enumerate()
-        .filter(|(i, r)| *i < 3 || r.delta_bic < RIVAL)
-        .map(|(_, r)| r)
         .collect()
+}
+
+/// Takes back what makes rows of unseen blocks worse, the last addition first. Returns the
+/// errors of blocks and whether anything was taken back.
+fn held(
+    search: &Search<'_>,
+    geometric: &ArmModel,
+    model: &mut Extended,
+) -> (Option<[Statistics; 2]>, bool) {
+    let mut withdrawn = false;
+    loop {
+        let errors = blocks(search, geometric, model);
+        let worse = errors.as_ref().is_some_and(|[without, with]| with.rms >= without.rms);
+        if !worse || model.accepted.is_empty() {
+            return (errors, withdrawn);
+        }
+        let mut fewer = model.accepted.clone();
+        fewer.pop();
+        match search.fit(&model.arm, fewer) {
+            Ok(smaller) => *model = smaller,
+            Err(_) => return (errors, withdrawn),
+        }
+        withdrawn = true;
+    }
 }
 
 /// Errors of geometry alone and of the complete model on rows of blocks, contiguous in row

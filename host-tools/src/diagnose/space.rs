@@ -2,9 +2,11 @@
 //! has is allowed to readjust.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use truepose::Twist;
+use truepose::effects::Effect;
 
 use super::hypothesis::{Hypothesis, Members};
-use super::significance::ln_p_of_f;
+use super::chance::ln_p_of_f;
 use crate::identify::arm::ArmModel;
 use crate::identify::linearize::{Evaluator, Linear};
 use crate::identify::observation::{Observation, Sigmas};
@@ -37,6 +39,22 @@ pub struct Columns {
     pub matrix: DMatrix<f64>,
     /// First column and number of columns of each candidate.
     pub groups: Vec<(usize, usize)>,
+}
+
+impl Columns {
+    /// Those of some candidates.
+    pub fn select(&self, candidates: &[usize]) -> Self {
+        let mut groups = Vec::with_capacity(candidates.len());
+        let mut all = Vec::new();
+        for &(start, len) in candidates.iter().map(|&i| &self.groups[i]) {
+            groups.push((all.len(), len));
+            all.extend(start..start + len);
+        }
+        Self {
+            matrix: self.matrix.select_columns(&all),
+            groups,
+        }
+    }
 }
 
 /// What one candidate would do.
@@ -86,28 +104,10 @@ impl Space {
                 let w = along.columns(start, len);
                 let gram = e.tr_mul(&e) - w.tr_mul(&w);
                 let z = with_residual.rows(start, len).into_owned();
-                self.score(gram, &z)
+                let (reduction, directions) = reduction(gram, &z);
+                self.judge(reduction, directions)
             })
             .collect()
-    }
-
-    /// Score from the projected Gram matrix of a candidate and its products with the
-    /// residual.
-    fn score(&self, gram: DMatrix<f64>, z: &DVector<f64>) -> Score {
-        let (mut reduction, mut directions) = (0.0, 0.0);
-        let eigen = SymmetricEigen::new(gram);
-        for (value, vector) in eigen
-            .eigenvalues
-            .iter()
-            .zip(eigen.eigenvectors.column_iter())
-        {
-            if *value > SHOWS * SHOWS {
-                let along = vector.dot(z);
-                reduction += along * along / value;
-                directions += 1.0;
-            }
-        }
-        self.judge(reduction, directions)
     }
 
     /// Probability and gain of a reduction of the squared residual by `directions` columns.
@@ -159,6 +159,98 @@ impl Space {
             }
             _ => 0.0,
         }
+    }
+}
+
+/// Reduction of the squared residual, and the directions that show, from a candidate's
+/// projected Gram matrix and its products with the residual.
+pub(super) fn reduction(gram: DMatrix<f64>, z: &DVector<f64>) -> (f64, f64) {
+    if gram.ncols() == 1 {
+        return match gram[(0, 0)] {
+            g if g > SHOWS * SHOWS => (z[0] * z[0] / g, 1.0),
+            _ => (0.0, 0.0),
+        };
+    }
+    let (mut reduction, mut directions) = (0.0, 0.0);
+    let eigen = SymmetricEigen::new(gram);
+    for (value, vector) in eigen
+        .eigenvalues
+        .iter()
+        .zip(eigen.eigenvectors.column_iter())
+    {
+        if *value > SHOWS * SHOWS {
+            let along = vector.dot(z);
+            reduction += along * along / value;
+            directions += 1.0;
+        }
+    }
+    (reduction, directions)
+}
+
+/// What any function of the row times one motion of the arm could do: all that is needed of
+/// each row.
+pub struct Moving {
+    /// Coordinates of the motion's column in the fitted space, fitted unknowns x rows.
+    along: DMatrix<f64>,
+    /// Squared length of the column, product with the residual, squared motion of the tool.
+    rows: DMatrix<f64>,
+}
+
+impl Moving {
+    /// Of the first value of `unit`, an effect that is the same in all rows.
+    pub fn new(
+        arm: &ArmModel,
+        unit: &Effect<'_, f64>,
+        space: &Space,
+        observations: &[&Observation],
+        sigmas: Sigmas,
+    ) -> Self {
+        let p = space.basis.ncols();
+        let mut along = DMatrix::zeros(p, observations.len());
+        let mut rows = DMatrix::zeros(observations.len(), 3);
+        let mut evaluator = Evaluator::new(arm, sigmas);
+        let mut start = 0;
+        for (i, o) in observations.iter().enumerate() {
+            let count = o.equations();
+            evaluator.observe(o);
+            let mut twist = Twist::zero();
+            evaluator.effect_twists(o, unit, |_, found| twist = found);
+            let mut column = vec![0.0; count];
+            evaluator.spread(o, &twist, &mut column);
+            for (row, x) in column.iter().enumerate() {
+                rows[(i, 0)] += x * x;
+                rows[(i, 1)] += x * space.residual[start + row];
+            }
+            rows[(i, 2)] = twist.linear.norm_squared();
+            for k in 0..p {
+                let basis = &space.basis.as_slice()[k * space.basis.nrows() + start..][..count];
+                along[(k, i)] = basis.iter().zip(&column).map(|(a, b)| a * b).sum();
+            }
+            start += count;
+        }
+        Self { along, rows }
+    }
+
+    /// By how much each function (a column of `values`, one entry a row) would reduce the
+    /// squared residual; zero where no plausible amplitude of it would show.
+    pub fn reductions(&self, values: &DMatrix<f64>) -> Vec<f64> {
+        let squares = values.map(|v| v * v);
+        let lengths = squares.tr_mul(&self.rows);
+        let products = values.tr_mul(&self.rows.column(1));
+        let along = &self.along * values;
+        let n = values.nrows().max(1) as f64;
+        (0..values.ncols())
+            .map(|k| {
+                let left = lengths[(k, 0)] - along.column(k).norm_squared();
+                let moved = lengths[(k, 2)] / n;
+                // what is left of a column that moves the tool by a plausible amount
+                if moved > 1e-24 && left * PLAUSIBLE * PLAUSIBLE / moved > SHOWS * SHOWS {
+                    products[k] * products[k] / left
+                } else {
+                    0.0
+                }
+            })
+            .collect()
     }
 }
 

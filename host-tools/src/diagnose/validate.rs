@@ -3,8 +3,11 @@
 //! Cross-validation with refit of everything, on random folds and on blocks contiguous in
 //! row order and in joint space. Rows that repeat a pose stay together.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 
+use super::space::reduction;
 use crate::identify::observation::Observation;
 
 /// How rows are held back.
@@ -103,6 +106,15 @@ impl Comparison {
         mean / (variance / n).sqrt().max(1e-300)
     }
 
+    /// Both together.
+    pub fn and(&self, other: &Self) -> Self {
+        let joined = |a: &[f64], b: &[f64]| [a, b].concat();
+        Self {
+            without: joined(&self.without, &other.without),
+            with: joined(&self.with, &other.with),
+        }
+    }
+
     /// Held-back error with over without, root mean square.
     pub fn ratio(&self) -> f64 {
         let sum = |v: &[f64]| v.iter().sum::<f64>().max(1e-300);
@@ -110,84 +122,184 @@ impl Comparison {
     }
 }
 
-/// Refits `base` columns alone, and with `extra`, on all folds but one, and predicts that
-/// one. A direction that the remaining rows do not show stays at the drawing: one unit of
-/// every scaled column counts as one standard deviation. `prior`: inverse covariance of the
-/// extra columns, where that is not theirs.
-pub fn compare(
-    observations: &[&Observation],
-    fold: &[usize],
-    base: &DMatrix<f64>,
-    extra: &DMatrix<f64>,
-    residual: &DVector<f64>,
-    prior: Option<&DMatrix<f64>>,
-) -> Comparison {
-    let (p, k) = (base.ncols(), extra.ncols());
-    let count = fold.iter().max().map_or(0, |m| m + 1);
-    let mut starts = Vec::with_capacity(observations.len());
-    let mut start = 0;
-    for o in observations {
-        starts.push(start);
-        start += o.equations();
-    }
-    let blocks: Vec<DMatrix<f64>> = (0..count)
-        .map(|f| {
-            let rows: Vec<usize> = (0..observations.len())
-                .filter(|&i| fold[i] == f)
-                .flat_map(|i| starts[i]..starts[i] + observations[i].equations())
-                .collect();
+/// Columns cut into folds, so that any of them can be fitted on all folds but one.
+///
+/// A direction that the remaining rows do not show stays at the drawing: one unit of every
+/// scaled column counts as one standard deviation.
+pub struct HeldBack<'a> {
+    fold: &'a [usize],
+    equations: Vec<usize>,
+    /// Columns of the model so far.
+    base: usize,
+    /// Rows of each fold: columns of the model so far, further columns, residual.
+    blocks: Vec<DMatrix<f64>>,
+    grams: Vec<DMatrix<f64>>,
+    total: DMatrix<f64>,
+}
+
+impl<'a> HeldBack<'a> {
+    /// `base`: columns of the model so far, `extra`: columns of candidates; one row an
+    /// equation.
+    pub fn new(
+        observations: &[&Observation],
+        fold: &'a [usize],
+        base: &DMatrix<f64>,
+        extra: &DMatrix<f64>,
+        residual: &DVector<f64>,
+    ) -> Self {
+        let (p, k) = (base.ncols(), extra.ncols());
+        let count = fold.iter().max().map_or(0, |m| m + 1);
+        let equations: Vec<usize> = observations.iter().map(|o| o.equations()).collect();
+        let mut rows: Vec<Vec<usize>> = vec![Vec::new(); count];
+        let mut start = 0;
+        for (&n, &f) in equations.iter().zip(fold) {
+            rows[f].extend(start..start + n);
+            start += n;
+        }
+        let block = |rows: &Vec<usize>| {
             let mut block = DMatrix::zeros(rows.len(), p + k + 1);
-            for (to, &from) in rows.iter().enumerate() {
-                for c in 0..p {
-                    block[(to, c)] = base[(from, c)];
-                }
-                for c in 0..k {
-                    block[(to, p + c)] = extra[(from, c)];
-                }
-                block[(to, p + k)] = residual[from];
-            }
-            block
-        })
-        .collect();
-    let grams: Vec<DMatrix<f64>> = blocks.iter().map(|b| b.transpose() * b).collect();
-    let total = grams
-        .iter()
-        .fold(DMatrix::zeros(p + k + 1, p + k + 1), |sum, g| sum + g);
-    let mut comparison = Comparison {
-        without: vec![0.0; observations.len()],
-        with: vec![0.0; observations.len()],
-    };
-    for f in 0..count {
-        let rest = &total - &grams[f];
-        let predict = |n: usize| {
-            let mut normal = rest.view((0, 0), (n, n)).into_owned();
-            for i in 0..n.min(p) {
-                normal[(i, i)] += 1.0;
-            }
-            for i in p..n {
-                for j in p..n {
-                    normal[(i, j)] += match prior {
-                        Some(prior) => prior[(i - p, j - p)],
-                        None => f64::from(u8::from(i == j)),
+            for (c, mut column) in block.column_iter_mut().enumerate() {
+                for (to, &from) in column.iter_mut().zip(rows) {
+                    *to = if c < p {
+                        base[(from, c)]
+                    } else if c < p + k {
+                        extra[(from, c - p)]
+                    } else {
+                        residual[from]
                     };
                 }
             }
-            let right = rest.view((0, p + k), (n, 1)).into_owned();
+            block
+        };
+        let blocks: Vec<DMatrix<f64>> = rows.iter().map(block).collect();
+        let grams: Vec<DMatrix<f64>> = blocks.iter().map(|b| b.transpose() * b).collect();
+        let none = DMatrix::zeros(p + k + 1, p + k + 1);
+        Self {
+            fold,
+            equations,
+            base: p,
+            total: grams.iter().fold(none, |sum, g| sum + g),
+            blocks,
+            grams,
+        }
+    }
+
+    /// Held-back errors without and with some further columns. `prior`: inverse covariance of
+    /// these, where that is not the unit matrix.
+    pub fn compare(&self, extra: Range<usize>, prior: Option<&DMatrix<f64>>) -> Comparison {
+        let mut comparison = self.nothing();
+        for f in 0..self.blocks.len() {
+            let rest = &self.total - &self.grams[f];
+            self.predict(f, &rest, extra.clone(), prior, &mut comparison);
+        }
+        comparison
+    }
+
+    /// Held-back errors without and with the best of several groups of columns, each fold
+    /// choosing its own: what choosing is worth and not what was chosen. Also returns the
+    /// choices. `ln_weights`: one a group, as in a [`Hypothesis`].
+    ///
+    /// [`Hypothesis`]: super::hypothesis::Hypothesis
+    pub fn nested(
+        &self,
+        groups: &[(usize, usize)],
+        ln_weights: &[f64],
+    ) -> (Comparison, Vec<usize>) {
+        let p = self.base;
+        let last = self.total.ncols() - 1;
+        let mut comparison = self.nothing();
+        let mut choices = Vec::new();
+        for f in 0..self.blocks.len() {
+            let rest = &self.total - &self.grams[f];
+            let mut corner = rest.view((0, 0), (p, p)).into_owned();
+            for i in 0..p {
+                corner[(i, i)] += 1.0;
+            }
+            let Some(factor) = corner.cholesky() else {
+                continue;
+            };
+            let mut whitened = rest.view((0, p), (p, last + 1 - p)).into_owned();
+            factor.l_dirty().solve_lower_triangular_mut(&mut whitened);
+            let residual = whitened.column(last - p).into_owned();
+            let rss = rest[(last, last)] - residual.norm_squared();
+            let freedom = self.effective(f);
+            let worth = |&(start, len): &(usize, usize), ln_weight: f64| {
+                let w = whitened.columns(start, len);
+                let gram = rest.view((p + start, p + start), (len, len)) - w.transpose() * w;
+                let z = rest.view((p + start, last), (len, 1)).column(0) - w.tr_mul(&residual);
+                let (reduction, directions) = reduction(gram, &z.into_owned());
+                let left = (rss - reduction).max(1e-12 * rss).max(1e-300);
+                freedom * (rss / left).ln() - directions * freedom.ln() + 2.0 * ln_weight
+            };
+            let worths: Vec<f64> = groups
+                .iter()
+                .zip(ln_weights)
+                .map(|(group, &ln_weight)| worth(group, ln_weight))
+                .collect();
+            let best = (0..groups.len()).max_by(|&a, &b| worths[a].total_cmp(&worths[b]).then(b.cmp(&a)));
+            let Some(best) = best else {
+                continue;
+            };
+            let (start, len) = groups[best];
+            self.predict(f, &rest, start..start + len, None, &mut comparison);
+            choices.push(best);
+        }
+        (comparison, choices)
+    }
+
+    /// Equations of all folds but `f` that count as independent.
+    fn effective(&self, f: usize) -> f64 {
+        let rest = self.equations.iter().zip(self.fold);
+        let counts = rest.filter(|&(_, &fold)| fold != f).map(|(&n, _)| n.min(6));
+        counts.sum::<usize>().max(1) as f64
+    }
+
+    fn nothing(&self) -> Comparison {
+        Comparison {
+            without: vec![0.0; self.fold.len()],
+            with: vec![0.0; self.fold.len()],
+        }
+    }
+
+    /// Predicts fold `f` from `rest`, the products of all others.
+    fn predict(
+        &self,
+        f: usize,
+        rest: &DMatrix<f64>,
+        extra: Range<usize>,
+        prior: Option<&DMatrix<f64>>,
+        into: &mut Comparison,
+    ) {
+        let p = self.base;
+        let last = rest.ncols() - 1;
+        let all: Vec<usize> = (0..p).chain(extra.map(|k| p + k)).collect();
+        let predict = |columns: &[usize]| {
+            let mut normal = rest.select_columns(columns).select_rows(columns);
+            for i in 0..columns.len() {
+                match prior {
+                    Some(prior) if i >= p => {
+                        for j in p..columns.len() {
+                            normal[(i, j)] += prior[(i - p, j - p)];
+                        }
+                    }
+                    _ => normal[(i, i)] += 1.0,
+                }
+            }
+            let right = rest.select_columns(&[last]).select_rows(columns);
             let solution = normal
                 .cholesky()
-                .map_or_else(|| DMatrix::zeros(n, 1), |c| c.solve(&right));
-            blocks[f].column(p + k) - blocks[f].columns(0, n) * solution.column(0)
+                .map_or_else(|| DMatrix::zeros(columns.len(), 1), |c| c.solve(&right));
+            self.blocks[f].column(last)
+                - self.blocks[f].select_columns(columns) * solution.column(0)
         };
-        let (without, with) = (predict(p), predict(p + k));
+        let (without, with) = (predict(&all[..p]), predict(&all));
         let mut at = 0;
-        for (i, o) in observations.iter().enumerate() {
-            if fold[i] == f {
-                let n = o.equations();
-                comparison.without[i] = without.rows(at, n).norm_squared();
-                comparison.with[i] = with.rows(at, n).norm_squared();
+        for (i, &n) in self.equations.iter().enumerate() {
+            if self.fold[i] == f {
+                into.without[i] = without.rows(at, n).norm_squared();
+                into.with[i] = with.rows(at, n).norm_squared();
                 at += n;
             }
         }
     }
-    comparison
 }

@@ -1,6 +1,6 @@
 //! Residuals and their derivatives, whitened by the instrument's noise.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use truepose::effects::{Ambient, Effect, Reading, Stage};
 use truepose::jacobian::{AttachedTwist, reading_column};
 use truepose::{Frame, Pose, Scratch, Twist};
@@ -206,6 +206,32 @@ impl<'a> Evaluator<'a> {
     /// Displacement of the tool per unit of what is added to the reading of joint `j`.
     pub fn joint_twist(&self, j: usize) -> Twist<f64> {
         reading_column(self.arm.baked(), &self.frames, j, &self.pose.translation)
+    }
+
+    /// Frame of joint `j`, or of the base: axes and origin in the world, at the observation
+    /// last moved to.
+    fn place(&self, o: &Observation, j: Option<usize>) -> (Matrix3<f64>, Vector3<f64>) {
+        match j.and_then(|j| self.frames.get(j)) {
+            Some(frame) => (frame.rotation, frame.origin),
+            None => {
+                let base = self.arm.baked_base(o.session);
+                (base.rotation, base.translation)
+            }
+        }
+    }
+
+    /// A displacement of the tool (world axes at the tool point) as one of the frame of joint
+    /// `j`, or of the base: its axes, at its origin.
+    pub fn to_place(&self, o: &Observation, j: Option<usize>, twist: &Twist<f64>) -> Twist<f64> {
+        let (axes, origin) = self.place(o, j);
+        let there = twist.at(&(origin - self.pose.translation));
+        Twist::new(axes.tr_mul(&there.linear), axes.tr_mul(&there.angular))
+    }
+
+    /// The other way round.
+    pub fn from_place(&self, o: &Observation, j: Option<usize>, twist: &Twist<f64>) -> Twist<f64> {
+        let (axes, origin) = self.place(o, j);
+        Twist::new(axes * twist.linear, axes * twist.angular).at(&(self.pose.translation - origin))
     }
 
     /// Displacement of the tool per unit of each value of an effect, whether or not it is in

@@ -7,7 +7,7 @@ use super::arm::ArmModel;
 use super::factor::{Dropped, Preconditioner, Selection, Triangle, select};
 use super::linearize::{Linear, linearize, residuals};
 use super::observation::{Observation, Sigmas};
-use super::unknown::{Unknown, apply};
+use super::unknown::{Unknown, apply, largest};
 
 /// A direction counts as seen when a change by its expected deviation moves the whole data
 /// by at least this many standard deviations; below, the data say less than the drawing.
@@ -255,12 +255,7 @@ impl Prior {
     fn deviation(self, unknown: Unknown, arm: &ArmModel) -> Option<f64> {
         match (self, unknown) {
             (Self::Effects, Unknown::Effect { .. } | Unknown::EarlyReading) => {
-                Some(match unknown.unit(arm) {
-                    "rad" | "m" => 3e-3,
-                    "rad/(N m)" => 3e-4,
-                    "m/N" => 1e-6,
-                    _ => 1e-2,
-                })
+                Some(0.5 * largest(unknown.unit(arm)))
             }
             _ => None,
         }

@@ -70,6 +70,24 @@ pub fn effect_name(kind: &str, selector: &Selector) -> String {
     name
 }
 
+/// The most that an effect of a machine may have, by the unit of its value.
+pub fn largest(unit: &str) -> f64 {
+    match unit {
+        "rad" | "m" => 5e-3,
+        // a torque of 10 N m turns no gear by more than half a degree
+        "rad/(N m)" | "rad s^2/m" => 1e-3,
+        "kg rad/(N m)" => 1e-2,
+        "1/(N m^2)" => 2e-3,
+        "m/N" => 1e-5,
+        // four times that of aluminium
+        "1/K" => 1e-4,
+        "rad/K" | "m/K" => 5e-4,
+        // 0.6 deg a quarter of an hour
+        "rad/s" | "m/s" => 1e-5,
+        _ => 2e-2,
+    }
+}
+
 const AXES: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
 
 impl Unknown {
@@ -150,12 +168,7 @@ impl Unknown {
             }
             // 0.5 mm and 0.5 mrad: a well-made arm
             Self::Joint(..) => 5e-4,
-            // the most that a machine may have
-            Self::Effect { .. } => match self.unit(arm) {
-                "rad" | "m" => 5e-3,
-                "rad/(N m)" => 1e-3,
-                _ => 2e-2,
-            },
+            Self::Effect { .. } => largest(self.unit(arm)),
             Self::EarlyReading => 1e-3,
         }
     }

@@ -312,6 +312,7 @@ fn effects(calibration: &Calibration, error_mm: &schema::Errors) -> Vec<schema::
             rms_before_mm: error_mm.geometric.rms,
             rms_after_mm: error_mm.complete.spread.rms,
             alternatives: Vec::new(),
+            control: None,
         });
     }
     let early = Unknown::EarlyReading;
@@ -328,6 +329,7 @@ fn effects(calibration: &Calibration, error_mm: &schema::Errors) -> Vec<schema::
             rms_before_mm: error_mm.geometric.rms,
             rms_after_mm: error_mm.complete.spread.rms,
             alternatives: Vec::new(),
+            control: None,
         });
     }
     found

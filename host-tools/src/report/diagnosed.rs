@@ -7,10 +7,10 @@ use truepose::effects::Kind;
 use super::Report;
 use super::evidence::evidence;
 use super::figures::significant;
-use super::schema::{Alternative, BlockErrors, Effect, Spread, Verdict};
+use super::schema::{Alternative, BlockErrors, Effect, Shuffled, Spread, Verdict};
 use crate::diagnose::hypothesis::Members;
 use crate::diagnose::input::Finding;
-use crate::diagnose::{Diagnosis, Named, Rival};
+use crate::diagnose::{Answer, Diagnosis, Named, Rival};
 use crate::identify::assess::Statistics;
 use crate::identify::unknown::Unknown;
 use crate::identify::{Failure, Stage};
@@ -68,11 +68,11 @@ fn spread(s: &Statistics) -> Spread {
 }
 
 fn verdict(diagnosis: &Diagnosis) -> Verdict {
-    match &diagnosis.whiteness {
-        Some(w) if w.structure => Verdict::StructureRemains,
-        _ if diagnosis.named.is_empty() => Verdict::NothingMissing,
-        _ if diagnosis.ambiguous => Verdict::Ambiguous,
-        _ => Verdict::Explained,
+    match diagnosis.answer() {
+        Answer::Explained => Verdict::Explained,
+        Answer::NothingMissing => Verdict::NothingMissing,
+        Answer::StructureRemains => Verdict::StructureRemains,
+        Answer::Ambiguous => Verdict::Ambiguous,
     }
 }
 
@@ -95,6 +95,14 @@ fn reasons(diagnosis: &Diagnosis, report: &Report) -> Vec<String> {
             significant(w.p_value)
         )),
         None => reasons.push("too few rows to test what is left for structure".to_owned()),
+    }
+    if let Some(unseen) = diagnosis.unseen.filter(|u| u.worse) {
+        reasons.push(format!(
+            "rows that no fit has seen miss by {} times what noise and the parameters' \
+             uncertainty account for (chance {}): the model bends to something that it lacks",
+            significant(unseen.ratio),
+            significant(unseen.p_value)
+        ));
     }
     reasons
 }
@@ -148,6 +156,12 @@ fn effects(named: &Named, stage: &Stage) -> Vec<Effect> {
         rms_before_mm: named.rms[0] * MM,
         rms_after_mm: named.rms[1] * MM,
         alternatives: named.rivals.iter().map(alternative).collect(),
+        control: named.control.map(|c| Shuffled {
+            covariate: c.covariate.to_owned(),
+            own: c.own,
+            shuffled: c.shuffled,
+            largest: c.largest,
+        }),
     };
     match &hypothesis.members {
         Members::EarlyReading => {

@@ -193,6 +193,23 @@ pub struct Effect {
     pub rms_after_mm: f64,
     /// What it could have been instead.
     pub alternatives: Vec<Alternative>,
+    /// Itself with its covariate dealt to other rows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control: Option<Shuffled>,
+}
+
+/// Shares of the squared residual that an effect takes, as it is and with its covariate
+/// shuffled among the rows.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Shuffled {
+    /// `"direction"`, `"torque"`, `"temperature"`, `"time"` or `"last move"`.
+    pub covariate: String,
+    /// As it is.
+    pub own: f64,
+    /// Mean of all shuffles.
+    pub shuffled: f64,
+    /// Largest of all shuffles.
+    pub largest: f64,
 }
 
 /// A parameter of the geometry or of an effect.

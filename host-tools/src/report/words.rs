@@ -86,7 +86,7 @@ pub(super) fn words(named: &Named, stage: &Stage) -> String {
         "axis-wobble" => format!("{one}'s axis wobbles {order}"),
         "prismatic-straightness" => format!("{one}'s rail is not straight"),
         "instrument-moved" => "the instrument moved between sessions".to_owned(),
-        "unnamed" => format!("something without a name that depends on {one}"),
+        "unnamed" => format!("something without a name: {}", hypothesis.label()),
         _ => hypothesis.label(),
     }
 }

@@ -6,7 +6,7 @@ use truepose::Twist;
 
 use super::placing::middle;
 use super::{Finding, Kind};
-use crate::diagnose::whiteness::chance::ln_chi_square;
+use crate::diagnose::chance::ln_chi_square;
 use crate::diagnose::whiteness::projected::Projected;
 use crate::diagnose::whiteness::shapes::own_functions;
 use crate::identify::Stage;

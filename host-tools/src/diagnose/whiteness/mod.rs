@@ -9,7 +9,6 @@
 //! none of them: positions and orientations are first weighted by their own residuals, and
 //! [`Whiteness::noise`] compares these with what was declared.
 
-pub(crate) mod chance;
 mod noise;
 pub(crate) mod projected;
 mod quadratic;
@@ -21,10 +20,10 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 pub use noise::{Component, Noise};
 
+use super::chance::{ln_best_of, ln_chi_square};
 use crate::identify::arm::ArmModel;
 use crate::identify::observation::{Observation, Sigmas};
 use crate::identify::unknown::Unknown;
-use chance::{ln_best_of, ln_chi_square};
 use noise::noise;
 use projected::Projected;
 use quadratic::{Quadratic, repeats};

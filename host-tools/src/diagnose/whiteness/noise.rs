@@ -1,6 +1,6 @@
 //! How large the noise is, by the residual itself.
 
-use super::chance::ln_chi_square;
+use crate::diagnose::chance::ln_chi_square;
 use super::projected::Projected;
 use crate::identify::observation::{Observation, Sigmas};
 

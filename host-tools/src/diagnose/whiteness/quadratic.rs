@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use super::chance::{ln_chi_square, ln_normal};
+use crate::diagnose::chance::{ln_chi_square, ln_normal};
 use super::projected::Projected;
 use super::shapes::Design;
 use super::{Group, Subject};

@@ -1,0 +1,150 @@
+//! What could stand in the place of what is in the model.
+
+use super::hypothesis::{Hypothesis, Members};
+use super::model::Extended;
+use super::search::{ALPHA, Search, overlaps};
+use super::sensible::sensible;
+use super::space::{Score, columns};
+use super::unnamed::{offered, terms};
+use crate::identify::Failure;
+
+/// Rivals that explain the rows this much worse (difference in BIC) cannot be ruled out.
+pub(super) const RIVAL: f64 = 10.0;
+
+/// Rivals that are listed whatever they lack.
+const LISTED: usize = 3;
+
+/// A name is exchanged for another one that is worth this much more.
+const EVIDENT: f64 = 6.0;
+
+/// Exchanges and removals after one series of additions.
+const EXCHANGES: usize = 4;
+
+/// What could replace an accepted hypothesis.
+pub struct Substitute {
+    /// What it is.
+    pub hypothesis: Hypothesis,
+    /// With all others in the model.
+    pub score: Score,
+    /// Largest cosine between it and what it replaces, beyond what the model has.
+    pub similarity: f64,
+}
+
+/// Rivals of an accepted hypothesis.
+pub struct Substitutes {
+    /// Its own score with all others in the model.
+    pub own: Score,
+    /// Largest gain first: those that cannot be ruled out, the best few in any case.
+    pub others: Vec<Substitute>,
+    /// The model without it.
+    pub without: Extended,
+}
+
+impl Search<'_> {
+    /// Removes members that no longer pass, and exchanges a member for a substitute where
+    /// that leaves less. Where something has no name, a name that a term without one can do
+    /// without does not stand: what is hidden may be one thing.
+    pub(super) fn exchanged(&mut self, mut model: Extended) -> Extended {
+        for _ in 0..EXCHANGES {
+            match self.exchange_once(&model) {
+                Some(better) => model = self.pruned(better),
+                None => break,
+            }
+        }
+        model
+    }
+
+    fn exchange_once(&mut self, model: &Extended) -> Option<Extended> {
+        if model.accepted.len() < 2 {
+            return None;
+        }
+        let nameless = !terms(&model.accepted).is_empty();
+        for (index, accepted) in model.accepted.iter().enumerate() {
+            if matches!(accepted.members, Members::Curve(_)) {
+                continue;
+            }
+            let Ok(rivals) = self.substitutes(model, index, nameless) else {
+                continue;
+            };
+            let own = rivals.own;
+            if !sensible(model, index) {
+                // others have made it larger than a machine can have
+                self.refused.push(accepted.clone());
+                return Some(rivals.without);
+            }
+            if own.ln_p - accepted.ln_weight > ALPHA.ln() {
+                return Some(rivals.without);
+            }
+            // by how much more a substitute is worth than what is in
+            let gain = |s: &Substitute| {
+                let plain = s.score.gain - own.gain;
+                if nameless && accepted.kind != "unnamed" && s.hypothesis.kind == "unnamed" {
+                    plain + RIVAL
+                } else {
+                    plain + 2.0 * (s.hypothesis.ln_weight - accepted.ln_weight) - EVIDENT
+                }
+            };
+            let best = rivals
+                .others
+                .iter()
+                .max_by(|a, b| gain(a).total_cmp(&gain(b)));
+            if let Some(best) = best.filter(|s| gain(s) > 0.0) {
+                let mut exchanged = model.accepted.clone();
+                exchanged[index] = best.hypothesis.clone();
+                if let Ok(trial) = self.fit(&model.arm, exchanged)
+                    && sensible(&trial, index)
+                    && (trial.fit.cost < model.fit.cost || best.hypothesis.kind == "unnamed")
+                {
+                    return Some(trial);
+                }
+            }
+        }
+        None
+    }
+
+    /// What else could stand in the place of an accepted hypothesis. `nameless`: terms without
+    /// a name as well.
+    pub fn substitutes(
+        &self,
+        model: &Extended,
+        index: usize,
+        nameless: bool,
+    ) -> Result<Substitutes, Failure> {
+        let mut others = model.accepted.clone();
+        let own = others.remove(index);
+        let without = self.fit(&model.arm, others)?;
+        let (_, space) = without.space(&self.observations, self.sigmas);
+        let mut candidates = self.catalogue(&without);
+        if nameless {
+            candidates.extend(offered(&without, &space, &self.observations, self.sigmas));
+        }
+        candidates.retain(|c| !overlaps(&own, c));
+        candidates.push(own);
+        let references: Vec<&Hypothesis> = candidates.iter().collect();
+        let columns = columns(&without.arm, &references, &self.observations, self.sigmas);
+        let scores = space.scores(&columns);
+        let last = candidates.len() - 1;
+        let own = scores[last];
+        let own_columns = columns.select(&[last]).matrix;
+        let mut order: Vec<usize> = (0..last).collect();
+        order.sort_by(|&a, &b| scores[b].gain.total_cmp(&scores[a].gain).then(a.cmp(&b)));
+        let close = |&(place, &i): &(usize, &usize)| {
+            place < LISTED || own.gain - scores[i].gain < RIVAL
+        };
+        let others = order
+            .iter()
+            .enumerate()
+            .filter(close)
+            .map(|(_, &i)| Substitute {
+                hypothesis: candidates[i].clone(),
+                score: scores[i],
+                similarity: space.similarity(&own_columns, &columns.select(&[i]).matrix),
+            })
+            .collect();
+        Ok(Substitutes {
+            own,
+            others,
+            without,
+        })
+    }
+}
