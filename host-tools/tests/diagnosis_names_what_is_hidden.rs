@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen};
 use truepose_host::description::Robot;
-use truepose_host::diagnose::{Diagnosis, diagnose};
+use truepose_host::diagnose::{Answer, Diagnosis, diagnose};
 use truepose_host::identify::assess::{Statistics, errors};
 use truepose_host::identify::observation::Observation;
 use truepose_host::identify::readings::identify_file;
@@ -34,7 +34,9 @@ fn rms(diagnosis: &Diagnosis) -> [f64; 2] {
     })
 }
 
-fn of_cell(kind: Option<&str>, seed: u64) -> Option<(Option<Hidden>, Diagnosis)> {
+/// What a cell hides, its diagnosis, and the verify rms of geometry on the same rows without
+/// the effect, m. `None`: these poses cannot show it.
+fn of_cell(kind: Option<&str>, seed: u64) -> Option<(Option<Hidden>, Diagnosis, f64)> {
     let arm = ARMS[(seed % 4) as usize];
     let seen = if seed.is_multiple_of(2) {
         Seen::Position
@@ -44,21 +46,25 @@ fn of_cell(kind: Option<&str>, seed: u64) -> Option<(Option<Hidden>, Diagnosis)>
     let mut conditions = Conditions::rich();
     conditions.approached = kind != Some("early-reading");
     let instrument = Instrument::new(seen);
-    let mut cell = Cell::new(arm, seed);
-    let visits = cell.schedule(&conditions, 150, 0);
+    let empty = Cell::new(arm, seed);
+    let visits = empty.schedule(&conditions, 150, 0);
     let hidden = kind.map(|kind| Hidden::draw(kind, arm, seed).unwrap());
+    let mut cell = empty.clone();
     if let Some(hidden) = hidden {
-        // None: these poses cannot show it
         cell = cell.showing(hidden, 2.0, &visits, &instrument).ok()?;
     }
-    let data = cell.measure(&visits, &conditions, &instrument, 0).dataset();
-    Some((hidden, diagnosed(&cell.robot(), &data)))
+    let data = |cell: &Cell| cell.measure(&visits, &conditions, &instrument, 0).dataset();
+    let floor = identify_file(&empty.robot(), &data(&empty), Vec::new()).unwrap();
+    let verify: Vec<&Observation> = floor.problem.verify.iter().collect();
+    let floor = errors(&floor.calibration.geometric.arm, &verify);
+    let floor = Statistics::of(&floor.distances).unwrap().rms;
+    Some((hidden, diagnosed(&cell.robot(), &data(&cell)), floor))
 }
 
 #[test]
 fn nothing_is_named_where_nothing_is_hidden() {
     for seed in 100..112 {
-        let (_, diagnosis) = of_cell(None, seed).unwrap();
+        let (_, diagnosis, _) = of_cell(None, seed).unwrap();
         let named: Vec<String> = diagnosis
             .named
             .iter()
@@ -86,7 +92,7 @@ fn a_hidden_effect_is_named_and_taken_out() {
     let (mut runs, mut missed) = (0, Vec::new());
     for kind in kinds {
         for seed in 0..4 {
-            let Some((Some(hidden), diagnosis)) = of_cell(Some(kind), seed) else {
+            let Some((Some(hidden), diagnosis, _)) = of_cell(Some(kind), seed) else {
                 continue;
             };
             runs += 1;
@@ -105,31 +111,51 @@ fn a_hidden_effect_is_named_and_taken_out() {
 }
 
 #[test]
-fn an_effect_outside_the_catalogue_makes_nothing_much_worse() {
-    let (mut before, mut after, mut runs) = (0.0, 0.0, 0);
+fn an_effect_outside_the_catalogue_is_taken_out_without_a_name() {
+    let mut removed = Vec::new();
+    let mut passed_for_known = Vec::new();
     for kind in [
         "stick-slip",
         "cable-pull",
         "rocking-base",
         "saturation",
-        "local-bump",
+        "loaded-backlash",
     ] {
         for seed in 0..3 {
-            let Some((_, diagnosis)) = of_cell(Some(kind), seed) else {
+            let Some((_, diagnosis, floor)) = of_cell(Some(kind), seed) else {
                 continue;
             };
             let [geometric, complete] = rms(&diagnosis);
-            runs += 1;
-            before += geometric * geometric;
-            after += complete * complete;
-            // A wrong name can cost a little where the effect shows at few poses (README, Limits).
             assert!(
-                complete < 1.15 * geometric,
+                complete <= geometric,
                 "{kind}, seed {seed}: {geometric} to {complete}"
             );
+            let square = |x: f64| x * x;
+            let excess = square(geometric) - square(floor);
+            removed.push((square(geometric) - square(complete)) / excess);
+            let names = diagnosis.named.iter().map(|n| n.step.hypothesis.label());
+            let names: Vec<String> = names.collect();
+            if !names.is_empty() && diagnosis.answer() != Answer::StructureRemains {
+                passed_for_known.push(format!("{kind}, seed {seed}: {names:?}"));
+            }
         }
     }
-    assert!(runs > 10 && after < before, "{before} {after} {runs}");
+    removed.sort_by(f64::total_cmp);
+    let median = removed[removed.len() / 2];
+    assert!(removed.len() > 10 && median > 0.85, "{removed:?}");
+    // friction below what a wrist carries looks like compliance alone (docs/DIAGNOSIS.md)
+    assert!(passed_for_known.len() <= 1, "{passed_for_known:#?}");
+}
+
+#[test]
+fn what_depends_on_a_covariate_beats_its_shuffled_self() {
+    for kind in ["backlash", "joint-compliance", "warm-up", "early-reading"] {
+        let (_, diagnosis, _) = (0..8).find_map(|seed| of_cell(Some(kind), seed)).unwrap();
+        let named = diagnosis.named.first().unwrap();
+        let control = named.control.unwrap();
+        assert!(control.own > 3.0 * control.largest, "{kind}: {control:?}");
+        assert!(control.shuffled <= control.largest);
+    }
 }
 
 /// Folder of the measured robots; `None`, with a message, where there is none, which is an

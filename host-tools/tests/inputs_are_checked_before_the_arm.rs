@@ -119,13 +119,6 @@ fn what_the_arm_does_is_no_fault_of_the_input() {
 }
 
 #[test]
-#[ignore = "hundreds of cells: run in release"]
-fn right_input_is_left_alone_on_hundreds_of_cells() {
-    quiet(1000..1240, false);
-    quiet(2000..2240, true);
-}
-
-#[test]
 fn a_joint_that_counts_the_other_way() {
     is_found(Kind::WrongSign, &["q3"], |data| {
         each_q(data, |q| q[2] = -q[2])

@@ -69,10 +69,6 @@ fn declared_half(instrument: &mut Instrument) {
     instrument.declared = Some([0.5; 2]);
 }
 
-fn declared_twice(instrument: &mut Instrument) {
-    instrument.declared = Some([2.0; 2]);
-}
-
 /// At most so many of `runs` at a level of 1 %: binomial, exceeded with a chance below 1e-3.
 fn allowed(runs: usize) -> usize {
     let mean = 0.01 * runs as f64;
@@ -84,26 +80,6 @@ fn noise_is_not_called_structure() {
     for change in [plain, heavy, declared_half] {
         let (cries, runs) = cries(24, 100, change);
         assert!(runs == 24 && cries <= allowed(runs), "{cries} of {runs}");
-    }
-}
-
-#[test]
-#[ignore = "the level on hundreds of cells: run in release"]
-fn the_level_holds_on_hundreds_of_cells() {
-    for (name, change) in [
-        ("normal", plain as fn(&mut Instrument)),
-        ("t with 4 degrees", heavy),
-        ("declared half", declared_half),
-        ("declared twice", declared_twice),
-    ] {
-        for poses in [60, 100, 200] {
-            let (cries, runs) = cries(240, poses, change);
-            println!("{name}, {poses} poses: {cries} of {runs}");
-            assert!(
-                cries <= allowed(runs),
-                "{name}, {poses} poses: {cries} of {runs}"
-            );
-        }
     }
 }
 
@@ -150,22 +126,6 @@ fn hidden_effects_are_seen() {
             runs > 4 && 10 * seen >= 9 * runs,
             "{kind}: {seen} of {runs}"
         );
-    }
-}
-
-#[test]
-#[ignore = "the power on every kind of effect: run in release"]
-fn the_power_on_every_kind() {
-    let kinds = Hidden::CATALOGUE.into_iter().chain(Hidden::OUTSIDE);
-    for kind in kinds.filter(|k| *k != "instrument-moved") {
-        let text: Vec<String> = [1.1, 1.2, 1.5, 2.0]
-            .iter()
-            .map(|&ratio| {
-                let (seen, runs) = power(kind, ratio, 36);
-                format!("{seen}/{runs}")
-            })
-            .collect();
-        println!("{kind}: at ratios 1.1, 1.2, 1.5, 2.0 {}", text.join(", "));
     }
 }
 

@@ -1,9 +1,10 @@
 //! The next effect: significant among all candidates, better on held-back rows, sensible.
 
 use truepose::JointKind;
+use truepose::effects::KINDS;
 
 use super::curve;
-use super::hypothesis::{Hypothesis, Members};
+use super::hypothesis::{Hypothesis, Members, curves};
 use super::model::Extended;
 use super::search::{ALPHA, Ranked, Search, Step};
 use super::sensible::sensible;
@@ -16,7 +17,7 @@ use crate::identify::linearize::Linear;
 const SHORTLIST: usize = 100;
 
 /// Of these, significant ones that are tried before the search gives up.
-const TRIES: usize = 12;
+const TRIES: usize = 40;
 
 impl Search<'_> {
     /// The best candidate that is significant among all, lowers the held-back error, and has
@@ -33,7 +34,7 @@ impl Search<'_> {
         order.truncate(SHORTLIST);
         let passes = |i: usize| scores[i].ln_p - candidates[i].ln_weight < ALPHA.ln();
         if !order.iter().any(|&i| passes(i)) {
-            return Ok(None);
+            return Ok(self.best_curve(model, &linear, &space));
         }
         let ranking: Vec<Ranked> = order
             .iter()
@@ -56,9 +57,8 @@ impl Search<'_> {
             )
         });
         let weights: Vec<f64> = order.iter().map(|&i| candidates[i].ln_weight).collect();
-        let chosen = |b: usize| held_back[b].nested(&shortlist.groups, &weights).0;
-        let (in_space, in_time) = (chosen(2), chosen(1));
-        let at_random = chosen(0);
+        let has_name = |k: usize| candidates[order[k]].kind != "unnamed";
+        let chosen = chosen(&held_back, &shortlist.groups, &weights, &has_name);
         let ready: Vec<usize> = (0..order.len()).filter(|&k| passes(order[k])).collect();
         let compared = |k: usize| {
             let (start, len) = shortlist.groups[k];
@@ -75,10 +75,10 @@ impl Search<'_> {
             let seen = compared(k);
             // held back in blocks of time, drifts have nothing to be predicted from
             let drifts = depends_on_time(candidate.kind);
-            let holds = seen[0].t() > 2.0
-                && seen[2].ratio() < 1.0
-                && (drifts || seen[1].ratio() < 1.0);
-            let other = if drifts { &at_random } else { &in_time };
+            let holds =
+                seen[0].t() > 2.0 && seen[2].ratio() < 1.0 && (drifts || seen[1].ratio() < 1.0);
+            let [at_random, in_time, in_space] = &chosen[usize::from(has_name(k))];
+            let other = if drifts { at_random } else { in_time };
             if !holds || in_space.and(other).t() < 1.0 {
                 continue;
             }
@@ -92,32 +92,33 @@ impl Search<'_> {
                 self.refused.push(candidate.clone());
                 continue;
             }
-            if bends(candidate) {
-                // near-equal: gravity on several joints at once is what engineers expect
-                let group = ready.iter().find(|&&g| {
-                    let all = &candidates[order[g]];
-                    all.kind == "joint-compliance" && all.joint.is_none()
+            for g in plainer(candidate, &ready, &order, &candidates) {
+                let plain = compared(g);
+                let against = Comparison {
+                    without: plain[0].with.clone(),
+                    with: seen[0].with.clone(),
+                };
+                let group = candidates[order[g]].joint.is_none();
+                let fits = with(&candidates[order[g]]).is_some_and(|trial| {
+                    let last = trial.accepted.len() - 1;
+                    !group || self.pruned(trial, last).effects_of(last).len() > 1
                 });
-                if let Some(&g) = group {
-                    let plain = compared(g);
-                    let against = Comparison {
-                        without: plain[0].with.clone(),
-                        with: seen[0].with.clone(),
-                    };
-                    let several = with(&candidates[order[g]]).is_some_and(|trial| {
-                        let trial = self.pruned(trial);
-                        trial.effects_of(trial.accepted.len() - 1).len() > 1
-                    });
-                    if against.t() < 2.0 && several {
-                        return Ok(Some(step(g, &plain)));
-                    }
+                if against.t() < 2.0 && plain[0].t() > 2.0 && fits {
+                    return Ok(Some(step(g, &plain)));
                 }
             }
-            let curve =
-                self.curve_instead(model, candidate, &linear, &space, &seen[0], &ranking);
-            return Ok(Some(curve.unwrap_or_else(|| step(k, &seen))));
+            let found = step(k, &seen);
+            let curve = self.curve_instead(model, candidate, &linear, &space, &seen[0]);
+            return Ok(Some(match curve {
+                Some((hypothesis, held_back)) => Step {
+                    hypothesis,
+                    held_back: Some(held_back),
+                    ..found
+                },
+                None => found,
+            }));
         }
-        Ok(None)
+        Ok(self.best_curve(model, &linear, &space))
     }
 
     /// A joint's curve in place of a function of the same joint's reading, where it predicts
@@ -129,21 +130,73 @@ impl Search<'_> {
         linear: &Linear,
         space: &Space,
         rival: &Comparison,
-        ranking: &[Ranked],
-    ) -> Option<Step> {
-        let joint = candidate.joint?;
+    ) -> Option<(Hypothesis, [f64; 3])> {
         let of_reading = matches!(
             candidate.kind,
             "gear-eccentricity" | "joint-gain" | "gear-ripple"
         );
-        let has = model
-            .accepted
+        if !of_reading {
+            return None;
+        }
+        let (curve, [at_random, in_time, in_space]) =
+            self.smoothed(model, candidate, linear, space)?;
+        let against = Comparison {
+            without: rival.with.clone(),
+            with: at_random.with.clone(),
+        };
+        let ratios = [at_random.ratio(), in_time.ratio(), in_space.ratio()];
+        (against.t() > 2.0 && ratios[1] < 1.0 && ratios[2] < 1.0).then_some((curve, ratios))
+    }
+
+    /// The curve of a joint where nothing else passes: hats far apart have to be significant,
+    /// and the curve has to hold on rows that it has not seen.
+    fn best_curve(&self, model: &Extended, linear: &Linear, space: &Space) -> Option<Step> {
+        let candidates = curves(&model.arm, KINDS.len());
+        let references: Vec<&Hypothesis> = candidates.iter().collect();
+        let columns = columns(&model.arm, &references, &self.observations, self.sigmas);
+        let scores = space.scores(&columns);
+        let mut order: Vec<usize> = (0..candidates.len())
+            .filter(|&i| scores[i].ln_p - candidates[i].ln_weight < ALPHA.ln())
+            .collect();
+        order.sort_by(|&a, &b| scores[a].ln_p.total_cmp(&scores[b].ln_p).then(a.cmp(&b)));
+        let ranking: Vec<Ranked> = order
             .iter()
-            .any(|h| h.kind == "joint-curve" && h.joint == Some(joint));
-        if !of_reading || has || model.arm.joints[joint].kind != JointKind::Revolute {
+            .map(|&i| Ranked {
+                label: candidates[i].label(),
+                ln_p: scores[i].ln_p - candidates[i].ln_weight,
+                share: scores[i].reduction / space.rss,
+            })
+            .collect();
+        order.iter().find_map(|&i| {
+            let (hypothesis, held_back) = self.smoothed(model, &candidates[i], linear, space)?;
+            let ratios = [0, 1, 2].map(|b| held_back[b].ratio());
+            let holds = held_back[0].t() > 2.0 && ratios[1] < 1.0 && ratios[2] < 1.0;
+            holds.then(|| Step {
+                hypothesis,
+                ln_p: scores[i].ln_p - candidates[i].ln_weight,
+                held_back: Some(ratios),
+                ranking: ranking.clone(),
+            })
+        })
+    }
+
+    /// The curve of the candidate's joint, as smooth as random folds want it, and what it does
+    /// to held-back rows; `None` where there is one already or the joint does not turn.
+    fn smoothed(
+        &self,
+        model: &Extended,
+        candidate: &Hypothesis,
+        linear: &Linear,
+        space: &Space,
+    ) -> Option<(Hypothesis, [Comparison; 3])> {
+        let joint = candidate.joint?;
+        let has = |h: &Hypothesis| h.kind == "joint-curve" && h.joint == Some(joint);
+        let turns = model.arm.joints[joint].kind == JointKind::Revolute;
+        if !turns || model.accepted.iter().any(has) {
             return None;
         }
         let extra = curve::columns(&model.arm, joint, &self.observations, self.sigmas);
+        let all = 0..extra.ncols();
         let held_back = |b: usize| {
             HeldBack::new(
                 &self.observations,
@@ -153,50 +206,68 @@ impl Search<'_> {
                 &space.residual,
             )
         };
-        let all = 0..extra.ncols();
         let at_random = held_back(0);
-        let mut best: Option<(f64, Comparison)> = None;
-        for smooth in curve::SMOOTHNESS {
-            let comparison = at_random.compare(all.clone(), Some(&curve::precision(smooth)));
-            if best
-                .as_ref()
-                .is_none_or(|b| comparison.ratio() < b.1.ratio())
-            {
-                best = Some((smooth, comparison));
-            }
-        }
-        let (smooth, comparison) = best?;
-        let against = Comparison {
-            without: rival.with.clone(),
-            with: comparison.with.clone(),
-        };
-        if against.t() < 2.0 {
-            return None;
-        }
+        let tried = curve::SMOOTHNESS.map(|smooth| {
+            let prior = curve::precision(smooth);
+            (smooth, at_random.compare(all.clone(), Some(&prior)))
+        });
+        let best = tried
+            .into_iter()
+            .min_by(|a, b| a.1.ratio().total_cmp(&b.1.ratio()));
+        let (smooth, at_random) = best?;
         let prior = curve::precision(smooth);
-        let blocks = [1, 2].map(|b| held_back(b).compare(all.clone(), Some(&prior)).ratio());
-        (blocks[0] < 1.0 && blocks[1] < 1.0).then(|| Step {
-            hypothesis: Hypothesis {
-                kind: "joint-curve",
-                joint: Some(joint),
-                order: None,
-                from: None,
-                members: Members::Curve(smooth),
-                ln_weight: candidate.ln_weight,
-            },
-            ln_p: ranking.first().map_or(0.0, |r| r.ln_p),
-            held_back: Some([comparison.ratio(), blocks[0], blocks[1]]),
-            ranking: ranking.to_vec(),
-        })
+        let [in_time, in_space] = [1, 2].map(|b| held_back(b).compare(all.clone(), Some(&prior)));
+        let curve = Hypothesis {
+            kind: "joint-curve",
+            joint: Some(joint),
+            order: None,
+            from: None,
+            members: Members::Curve(smooth),
+            ln_weight: candidate.ln_weight,
+        };
+        Some((curve, [at_random, in_time, in_space]))
     }
 }
 
-/// Part of the arm gives way under gravity, other than a joint about its own axis.
-fn bends(candidate: &Hypothesis) -> bool {
-    matches!(
-        candidate.kind,
-        "link-bending" | "base-flex" | "cross-axis-compliance"
-    )
+/// What choosing is worth on rows that took no part in it, held back in every way: choosing
+/// among all candidates, and among those with a name. A name has to hold against other names;
+/// what can be found by looking at thousands of nameless terms is no argument against it.
+fn chosen(
+    held_back: &[HeldBack<'_>; 3],
+    groups: &[(usize, usize)],
+    weights: &[f64],
+    has_name: &dyn Fn(usize) -> bool,
+) -> [[Comparison; 3]; 2] {
+    let named: Vec<usize> = (0..groups.len()).filter(|&k| has_name(k)).collect();
+    let all: Vec<usize> = (0..groups.len()).collect();
+    [all, named].map(|of| {
+        let groups: Vec<(usize, usize)> = of.iter().map(|&k| groups[k]).collect();
+        let weights: Vec<f64> = of.iter().map(|&k| weights[k]).collect();
+        [0, 1, 2].map(|b| held_back[b].nested(&groups, &weights).0)
+    })
+}
+
+/// Places in `ready` of plainer explanations than a part of the arm that bends: gravity on
+/// several joints at once, which engineers expect, and a joint that tilts across its axis, which
+/// has one parameter. They are preferred where held-back rows do not tell the difference.
+fn plainer(
+    candidate: &Hypothesis,
+    ready: &[usize],
+    order: &[usize],
+    candidates: &[Hypothesis],
+) -> Vec<usize> {
+    let first = |is: &dyn Fn(&Hypothesis) -> bool| {
+        let found = ready.iter().find(|&&k| is(&candidates[order[k]]));
+        found.copied()
+    };
+    let joints = first(&|h| h.kind == "joint-compliance" && h.joint.is_none());
+    let tilts = first(&|h| h.kind == "cross-axis-compliance");
+    let found = match candidate.kind {
+        "link-bending" | "base-flex" => vec![joints, tilts],
+        "cross-axis-compliance" => vec![joints],
+        _ => Vec::new(),
+    };
+    found.into_iter().flatten().collect()
 }
 
 /// Held back in blocks of time, these have nothing to be predicted from.
@@ -206,4 +277,3 @@ fn depends_on_time(kind: &str) -> bool {
         "time-drift" | "warm-up" | "step-change" | "thermal-drift" | "thermal-growth"
     )
 }
-

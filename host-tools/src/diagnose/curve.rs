@@ -15,8 +15,11 @@ use crate::identify::unknown::{Unknown, apply};
 /// Cells of a turn: 2 degrees each.
 pub const CELLS: usize = 180;
 
+/// Functions that stand for a curve while it is one of many candidates: hats 15 degrees apart.
+pub const COARSE: usize = 24;
+
 /// Standard deviation of a cell's value, rad.
-const VALUE: f64 = 7e-4;
+pub(super) const VALUE: f64 = 7e-4;
 
 /// Standard deviations of second differences that are tried, rad.
 pub const SMOOTHNESS: [f64; 3] = [5e-5, 1.5e-4, 4.5e-4];
@@ -26,9 +29,18 @@ const REACH: usize = 3;
 
 /// A curve that is zero so far.
 pub fn flat(joint: usize) -> Curve {
+    of_cells(joint, CELLS)
+}
+
+/// The same with as many cells as stand for a candidate.
+pub(super) fn coarse(joint: usize) -> Curve {
+    of_cells(joint, COARSE)
+}
+
+fn of_cells(joint: usize, cells: usize) -> Curve {
     Curve {
         joint,
-        values: vec![0.0; CELLS],
+        values: vec![0.0; cells],
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
-use super::search::{ALPHA, Search, overlaps};
+use super::search::{ALPHA, Search};
 use super::sensible::sensible;
 use super::space::{Score, columns};
 use super::unnamed::{offered, terms};
@@ -42,12 +42,11 @@ pub struct Substitutes {
 
 impl Search<'_> {
     /// Removes members that no longer pass, and exchanges a member for a substitute where
-    /// that leaves less. Where something has no name, a name that a term without one can do
-    /// without does not stand: what is hidden may be one thing.
+    /// that leaves less.
     pub(super) fn exchanged(&mut self, mut model: Extended) -> Extended {
         for _ in 0..EXCHANGES {
             match self.exchange_once(&model) {
-                Some(better) => model = self.pruned(better),
+                Some(better) => model = better,
                 None => break,
             }
         }
@@ -77,12 +76,8 @@ impl Search<'_> {
             }
             // by how much more a substitute is worth than what is in
             let gain = |s: &Substitute| {
-                let plain = s.score.gain - own.gain;
-                if nameless && accepted.kind != "unnamed" && s.hypothesis.kind == "unnamed" {
-                    plain + RIVAL
-                } else {
-                    plain + 2.0 * (s.hypothesis.ln_weight - accepted.ln_weight) - EVIDENT
-                }
+                let weights = s.hypothesis.ln_weight - accepted.ln_weight;
+                s.score.gain - own.gain + 2.0 * weights - EVIDENT
             };
             let best = rivals
                 .others
@@ -93,9 +88,9 @@ impl Search<'_> {
                 exchanged[index] = best.hypothesis.clone();
                 if let Ok(trial) = self.fit(&model.arm, exchanged)
                     && sensible(&trial, index)
-                    && (trial.fit.cost < model.fit.cost || best.hypothesis.kind == "unnamed")
+                    && trial.fit.cost < model.fit.cost
                 {
-                    return Some(trial);
+                    return Some(self.pruned(trial, index));
                 }
             }
         }
@@ -118,7 +113,7 @@ impl Search<'_> {
         if nameless {
             candidates.extend(offered(&without, &space, &self.observations, self.sigmas));
         }
-        candidates.retain(|c| !overlaps(&own, c));
+        candidates.retain(|c| !c.is_same(&own));
         candidates.push(own);
         let references: Vec<&Hypothesis> = candidates.iter().collect();
         let columns = columns(&without.arm, &references, &self.observations, self.sigmas);
@@ -128,9 +123,8 @@ impl Search<'_> {
         let own_columns = columns.select(&[last]).matrix;
         let mut order: Vec<usize> = (0..last).collect();
         order.sort_by(|&a, &b| scores[b].gain.total_cmp(&scores[a].gain).then(a.cmp(&b)));
-        let close = |&(place, &i): &(usize, &usize)| {
-            place < LISTED || own.gain - scores[i].gain < RIVAL
-        };
+        let close =
+            |&(place, &i): &(usize, &usize)| place < LISTED || own.gain - scores[i].gain < RIVAL;
         let others = order
             .iter()
             .enumerate()

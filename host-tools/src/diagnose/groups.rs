@@ -7,25 +7,24 @@ use super::sensible::within;
 use crate::identify::unknown::Unknown;
 
 impl Search<'_> {
-    /// Members of groups that do not earn their place leave it.
-    pub(super) fn pruned(&self, mut model: Extended) -> Extended {
-        for index in 0..model.accepted.len() {
-            while model.effects_of(index).len() > 1 {
-                let Some(weakest) = self.weakest_member(&model, index) else {
-                    break;
-                };
-                let mut accepted = model.accepted.clone();
-                let group = &mut accepted[index];
-                if let Members::Effects(effects) = &mut group.members {
-                    effects.remove(weakest);
-                    if let [only] = effects.as_slice() {
-                        group.joint = only.model().joint();
-                    }
+    /// Members of group `index` that do not earn their place leave it. To be asked when the
+    /// group comes in: what comes in later is judged beside it and does not take it apart.
+    pub(super) fn pruned(&self, mut model: Extended, index: usize) -> Extended {
+        while model.effects_of(index).len() > 1 {
+            let Some(weakest) = self.weakest_member(&model, index) else {
+                break;
+            };
+            let mut accepted = model.accepted.clone();
+            let group = &mut accepted[index];
+            if let Members::Effects(effects) = &mut group.members {
+                effects.remove(weakest);
+                if let [only] = effects.as_slice() {
+                    group.joint = only.model().joint();
                 }
-                match self.fit(&model.arm, accepted) {
-                    Ok(smaller) => model = smaller,
-                    Err(_) => break,
-                }
+            }
+            match self.fit(&model.arm, accepted) {
+                Ok(smaller) => model = smaller,
+                Err(_) => break,
             }
         }
         model

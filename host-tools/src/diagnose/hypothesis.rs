@@ -3,6 +3,7 @@
 use truepose::JointKind;
 use truepose::effects::{Effect, KINDS, Kind, Needs, Selector, Shape, Wish};
 
+use super::curve;
 use super::unnamed::{label, terms};
 use crate::identify::arm::ArmModel;
 use crate::identify::observation::Observation;
@@ -73,7 +74,8 @@ impl Hypothesis {
     pub fn len(&self) -> usize {
         match &self.members {
             Members::Effects(effects) => effects.iter().map(|e| e.model().values().len()).sum(),
-            Members::EarlyReading | Members::Curve(_) => 1,
+            Members::EarlyReading => 1,
+            Members::Curve(_) => curve::COARSE,
         }
     }
 
@@ -171,8 +173,11 @@ pub fn hypotheses(arm: &ArmModel, observations: &[&Observation]) -> Vec<Hypothes
             Needs::Temperature => conditions.temperature > 0,
             Needs::Time => conditions.time.is_some(),
         };
-        if allowed && kind.name != "joint-curve" && kind.name != "gear-ripple" {
-            families.push(family(kind, arm, &conditions));
+        match kind.name {
+            // from the periodogram, and where nothing else passes
+            "gear-ripple" | "joint-curve" => {}
+            _ if allowed => families.push(family(kind, arm, &conditions)),
+            _ => {}
         }
     }
     if !conditions.masses {
@@ -269,6 +274,24 @@ fn family(kind: &'static Kind, arm: &ArmModel, conditions: &Conditions) -> Vec<H
         }
     }
     found
+}
+
+/// The irregular curve of every revolute joint, with the weight of a kind among `kinds`.
+pub fn curves(arm: &ArmModel, kinds: usize) -> Vec<Hypothesis> {
+    let turning = (0..arm.joint_count()).filter(|&j| arm.joints[j].kind == JointKind::Revolute);
+    let turning: Vec<usize> = turning.collect();
+    let ln_weight = -((kinds * turning.len()) as f64).ln();
+    turning
+        .into_iter()
+        .map(|j| Hypothesis {
+            kind: "joint-curve",
+            joint: Some(j),
+            order: None,
+            from: None,
+            members: Members::Curve(curve::SMOOTHNESS[1]),
+            ln_weight,
+        })
+        .collect()
 }
 
 /// Free gravity levers of every joint, for arms whose masses are not known.

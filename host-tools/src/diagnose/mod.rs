@@ -12,6 +12,7 @@ pub mod input;
 pub mod model;
 pub mod noise;
 pub mod periodogram;
+pub mod proportion;
 mod refine;
 mod run;
 pub mod search;

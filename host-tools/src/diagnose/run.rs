@@ -6,7 +6,8 @@ use super::control::{Control, control};
 use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
 use super::noise::estimated;
-use super::search::{Search, Step};
+use super::proportion::{Disproportion, disproportion};
+use super::search::{Search, Step, overlaps};
 use super::unseen::{Unseen, unseen};
 use super::validate::{Blocks, folds};
 use super::whiteness::{Whiteness, whiteness};
@@ -74,6 +75,8 @@ pub struct Diagnosis {
     pub named: Vec<Named>,
     /// Tests of what is left.
     pub whiteness: Option<Whiteness>,
+    /// A named effect that does not follow its cause in proportion.
+    pub disproportion: Option<Disproportion>,
     /// Rows that no fit has seen, against those of the fit.
     pub unseen: Option<Unseen>,
     /// Geometry and complete model cross-validated on contiguous blocks, m.
@@ -89,10 +92,14 @@ impl Diagnosis {
     /// The answer in one word. A term without a name is structure that remains, however well
     /// it fits.
     pub fn answer(&self) -> Answer {
-        let nameless = self.named.iter().any(|n| n.step.hypothesis.kind == "unnamed");
+        let nameless = self
+            .named
+            .iter()
+            .any(|n| n.step.hypothesis.kind == "unnamed");
         let structure = self.whiteness.as_ref().is_some_and(|w| w.structure);
         let worse = self.unseen.is_some_and(|u| u.worse);
-        if nameless || structure || worse || self.withdrawn {
+        let bent = self.disproportion.is_some();
+        if nameless || structure || worse || bent || self.withdrawn {
             Answer::StructureRemains
         } else if self.named.is_empty() {
             Answer::NothingMissing
@@ -186,6 +193,7 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
 
     progress("testing what is left");
     let whiteness = whiteness(&model.arm, &model.fit.unknowns, &kept, sigmas, SEED);
+    let disproportion = disproportion(&model, &thinned(&kept), sigmas);
     let unseen = unseen(&model, &thinned(&kept), &thinned(&verify), sigmas);
     let mut arm = model.arm.clone();
     for curve in std::mem::take(&mut arm.curves) {
@@ -202,6 +210,7 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
         identified,
         named,
         whiteness,
+        disproportion,
         unseen,
         blocks,
         ambiguous,
@@ -230,8 +239,10 @@ fn rms(arm: &ArmModel, observations: &[&Observation]) -> f64 {
 }
 
 fn rivals(search: &Search<'_>, model: &Extended, index: usize) -> Vec<Rival> {
-    let known = model.accepted.get(index);
-    if known.is_none_or(|h| matches!(h.members, Members::Curve(_))) {
+    let Some(known) = model.accepted.get(index) else {
+        return Vec::new();
+    };
+    if matches!(known.members, Members::Curve(_)) {
         return Vec::new();
     }
     let Ok(substitutes) = search.substitutes(model, index, false) else {
@@ -241,6 +252,8 @@ fn rivals(search: &Search<'_>, model: &Extended, index: usize) -> Vec<Rival> {
     substitutes
         .others
         .into_iter()
+        // another time of the same step, the group of the same joint: no other explanation
+        .filter(|other| !overlaps(known, &other.hypothesis))
         .map(|other| Rival {
             delta_bic: own - other.score.gain,
             hypothesis: other.hypothesis,
@@ -259,7 +272,9 @@ fn held(
     let mut withdrawn = false;
     loop {
         let errors = blocks(search, geometric, model);
-        let worse = errors.as_ref().is_some_and(|[without, with]| with.rms >= without.rms);
+        let worse = errors
+            .as_ref()
+            .is_some_and(|[without, with]| with.rms >= without.rms);
         if !worse || model.accepted.is_empty() {
             return (errors, withdrawn);
         }

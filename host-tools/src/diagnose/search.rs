@@ -111,7 +111,8 @@ impl<'a> Search<'a> {
                 let mut accepted = model.accepted.clone();
                 accepted.push(step.hypothesis.clone());
                 model = self.fit(&model.arm, accepted)?;
-                model = refined(self, self.pruned(model));
+                let last = model.accepted.len() - 1;
+                model = refined(self, self.pruned(model, last));
                 self.weigh(&model);
                 progress(&step.hypothesis.label());
                 let hypothesis = model.accepted.last().cloned();
@@ -191,4 +192,3 @@ pub(super) fn overlaps(accepted: &Hypothesis, candidate: &Hypothesis) -> bool {
     let in_model = joints(accepted);
     joints(candidate).iter().any(|j| in_model.contains(j))
 }
-

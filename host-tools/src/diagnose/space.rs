@@ -5,8 +5,9 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use truepose::Twist;
 use truepose::effects::Effect;
 
-use super::hypothesis::{Hypothesis, Members};
 use super::chance::ln_p_of_f;
+use super::curve;
+use super::hypothesis::{Hypothesis, Members};
 use crate::identify::arm::ArmModel;
 use crate::identify::linearize::{Evaluator, Linear};
 use crate::identify::observation::{Observation, Sigmas};
@@ -279,7 +280,16 @@ pub fn columns(
         let mut column = 0;
         for hypothesis in hypotheses {
             match &hypothesis.members {
-                Members::Curve(_) => column += 1,
+                Members::Curve(_) => {
+                    let joint = hypothesis.joint.unwrap_or(0);
+                    let twist = evaluator.joint_twist(joint);
+                    for (cell, weight) in curve::coarse(joint).cells(o.q[joint]) {
+                        let cells = &mut matrix.as_mut_slice()
+                            [(column + cell) * rows + start..(column + cell) * rows + end];
+                        evaluator.spread(o, &twist.scaled(weight * curve::VALUE), cells);
+                    }
+                    column += curve::COARSE;
+                }
                 Members::EarlyReading => {
                     let twist = evaluator.early_twist(o);
                     let cells =
@@ -305,10 +315,16 @@ pub fn columns(
         }
         start = end;
     }
-    for (k, square) in squares.iter().enumerate() {
-        let rms = (square / observations.len().max(1) as f64).sqrt();
-        let scale = if rms > 1e-12 { PLAUSIBLE / rms } else { 0.0 };
-        matrix.column_mut(k).scale_mut(scale);
+    for (hypothesis, &(start, len)) in hypotheses.iter().zip(&groups) {
+        // what a cell of a curve may have is known; few rows may touch it
+        if matches!(hypothesis.members, Members::Curve(_)) {
+            continue;
+        }
+        for k in start..start + len {
+            let rms = (squares[k] / observations.len().max(1) as f64).sqrt();
+            let scale = if rms > 1e-12 { PLAUSIBLE / rms } else { 0.0 };
+            matrix.column_mut(k).scale_mut(scale);
+        }
     }
     Columns { matrix, groups }
 }

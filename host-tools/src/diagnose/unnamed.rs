@@ -6,9 +6,7 @@
 //! of each row.
 
 use nalgebra::DMatrix;
-use truepose::effects::{
-    Effect, Factor, ONE, Place, Reading, Shape, Unnamed, Variable,
-};
+use truepose::effects::{Effect, Factor, ONE, Place, Reading, Shape, Unnamed, Variable};
 
 use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
@@ -128,7 +126,10 @@ fn of_joint(j: u8, observations: &[&Observation], (degree, order): (u8, u8)) -> 
 
 fn products(first: &[Single], second: &[Single]) -> Vec<Function> {
     let pair = |a: &Single| second.iter().map(|b| Function::of(*a, *b)).collect();
-    first.iter().flat_map(|a: &Single| -> Vec<Function> { pair(a) }).collect()
+    first
+        .iter()
+        .flat_map(|a: &Single| -> Vec<Function> { pair(a) })
+        .collect()
 }
 
 /// Everything that is offered before anything unnamed is in the model.
@@ -168,7 +169,11 @@ fn dictionary(joints: u8, observations: &[&Observation]) -> Vec<Function> {
     }
     functions.extend(payload.into_iter().map(alone));
     functions.extend(varying(Variable::Time, 2, 3).into_iter().map(alone));
-    functions.extend(varying(Variable::Temperature(0), 2, 2).into_iter().map(alone));
+    functions.extend(
+        varying(Variable::Temperature(0), 2, 2)
+            .into_iter()
+            .map(alone),
+    );
     functions
 }
 
@@ -258,7 +263,14 @@ pub fn offered(
     let share = if known.is_empty() { SHARE } else { 0.5 * SHARE };
     let weight = |count: usize, share: f64| (share / count.max(1) as f64).ln();
     let ln_weight = weight(first.len() * movers.len(), share);
-    rank(&first, &movers.iter().collect::<Vec<_>>(), space, observations, ln_weight, &mut best);
+    rank(
+        &first,
+        &movers.iter().collect::<Vec<_>>(),
+        space,
+        observations,
+        ln_weight,
+        &mut best,
+    );
     for term in &known {
         let functions = further(term, observations);
         let same: Vec<&Mover> = movers

@@ -7,10 +7,10 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
+use super::chance::ln_normal;
 use super::curve;
 use super::hypothesis::Members;
 use super::model::Extended;
-use super::chance::ln_normal;
 use crate::identify::observation::{Observation, Sigmas};
 
 /// Chance below which other rows are called worse.
@@ -53,31 +53,35 @@ pub fn unseen(
         at += curve::CELLS;
     }
     let factor = normal.cholesky()?;
-    let sizes = |columns: &DMatrix<f64>, residual: &DVector<f64>, rows: &[&Observation], own: bool| {
-        let mut spread = columns.transpose();
-        factor.l_dirty().solve_lower_triangular_mut(&mut spread);
-        let mut start = 0;
-        let size = |o: &&Observation| {
-            let n = o.equations();
-            let lever = spread.columns(start, n);
-            let lever = lever.transpose() * lever;
-            let one = DMatrix::<f64>::identity(n, n);
-            let variance = if own { one - lever } else { one + lever };
-            let eigen = SymmetricEigen::new(variance);
-            let along = eigen.eigenvectors.tr_mul(&residual.rows(start, n));
-            let squares = along.zip_map(&eigen.eigenvalues, |x, l| x * x / l.max(1e-3));
-            start += n;
-            (squares.sum() / n.max(1) as f64).sqrt()
+    let sizes =
+        |columns: &DMatrix<f64>, residual: &DVector<f64>, rows: &[&Observation], own: bool| {
+            let mut spread = columns.transpose();
+            factor.l_dirty().solve_lower_triangular_mut(&mut spread);
+            let mut start = 0;
+            let size = |o: &&Observation| {
+                let n = o.equations();
+                let lever = spread.columns(start, n);
+                let lever = lever.transpose() * lever;
+                let one = DMatrix::<f64>::identity(n, n);
+                let variance = if own { one - lever } else { one + lever };
+                let eigen = SymmetricEigen::new(variance);
+                let along = eigen.eigenvectors.tr_mul(&residual.rows(start, n));
+                let squares = along.zip_map(&eigen.eigenvalues, |x, l| x * x / l.max(1e-3));
+                start += n;
+                (squares.sum() / n.max(1) as f64).sqrt()
+            };
+            rows.iter().map(size).collect::<Vec<f64>>()
         };
-        rows.iter().map(size).collect::<Vec<f64>>()
-    };
     let own = sizes(&columns, &residual, fitted, true);
     let (columns, residual) = whole(model, verify, sigmas);
     let other = sizes(&columns, &residual, verify, false);
     let moments = |x: &[f64]| {
         let n = x.len() as f64;
         let mean = x.iter().sum::<f64>() / n;
-        (mean, x.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0) / n)
+        (
+            mean,
+            x.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0) / n,
+        )
     };
     let square = |x: &[f64]| x.iter().map(|v| v * v).sum::<f64>() / x.len() as f64;
     let ((a, va), (b, vb)) = (moments(&own), moments(&other));

@@ -236,7 +236,8 @@ impl<'a> HeldBack<'a> {
                 .zip(ln_weights)
                 .map(|(group, &ln_weight)| worth(group, ln_weight))
                 .collect();
-            let best = (0..groups.len()).max_by(|&a, &b| worths[a].total_cmp(&worths[b]).then(b.cmp(&a)));
+            let best =
+                (0..groups.len()).max_by(|&a, &b| worths[a].total_cmp(&worths[b]).then(b.cmp(&a)));
             let Some(best) = best else {
                 continue;
             };

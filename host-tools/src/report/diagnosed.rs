@@ -96,6 +96,15 @@ fn reasons(diagnosis: &Diagnosis, report: &Report) -> Vec<String> {
         )),
         None => reasons.push("too few rows to test what is left for structure".to_owned()),
     }
+    if let Some(bent) = &diagnosis.disproportion {
+        let named = diagnosis.named.get(bent.index);
+        reasons.push(format!(
+            "{} does not stay in proportion to its cause: it changes with {} (chance {})",
+            named.map_or_else(String::new, |n| n.step.hypothesis.label()),
+            bent.with,
+            significant(bent.ln_p.exp())
+        ));
+    }
     if let Some(unseen) = diagnosis.unseen.filter(|u| u.worse) {
         reasons.push(format!(
             "rows that no fit has seen miss by {} times what noise and the parameters' \

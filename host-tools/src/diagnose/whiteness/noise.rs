@@ -1,7 +1,7 @@
 //! How large the noise is, by the residual itself.
 
-use crate::diagnose::chance::ln_chi_square;
 use super::projected::Projected;
+use crate::diagnose::chance::ln_chi_square;
 use crate::identify::observation::{Observation, Sigmas};
 
 /// One kind of measured number.

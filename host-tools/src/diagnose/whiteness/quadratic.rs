@@ -2,10 +2,10 @@
 
 use nalgebra::DMatrix;
 
-use crate::diagnose::chance::{ln_chi_square, ln_normal};
 use super::projected::Projected;
 use super::shapes::Design;
 use super::{Group, Subject};
+use crate::diagnose::chance::{ln_chi_square, ln_normal};
 use crate::identify::observation::Observation;
 
 /// Lags in row order.
