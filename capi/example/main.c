@@ -94,7 +94,7 @@ static const float travel[JOINTS] = {2.7f, 2.2f, 2.3f, 2.4f, 1.7f, 4.6f};
 
 static const char *const statuses[] = {
     "Converged",   "Settled",   "IterationLimit",      "OutOfBudget", "ConditionsNotFinite",
-    "NotAPose", "PredictionNotFinite", "JointsNotFinite",
+    "NotAPose", "PredictionNotFinite", "JointsNotFinite", "OutsideRegion", "NotTaught",
 };
 
 static void answer(struct truepose_compensator *arm, const struct truepose_request *request) {

@@ -77,6 +77,11 @@ typedef enum truepose_status {
   TRUEPOSE_PREDICTION_NOT_FINITE = 6,
   // Refused, the last command goes out again: NaN or infinity in the nominal joints.
   TRUEPOSE_JOINTS_NOT_FINITE = 7,
+  // Refused, the nominal command goes out: it is outside the region that the method was
+  // taught on.
+  TRUEPOSE_OUTSIDE_REGION = 8,
+  // Refused, the nominal command goes out: the blob has no tables for this method.
+  TRUEPOSE_NOT_TAUGHT = 9,
 } truepose_status;
 
 // A compensator with its model. Room for it is the caller's: a static variable, or a local one

@@ -85,6 +85,11 @@ pub enum truepose_status {
     TRUEPOSE_PREDICTION_NOT_FINITE = 6,
     /// Refused, the last command goes out again: NaN or infinity in the nominal joints.
     TRUEPOSE_JOINTS_NOT_FINITE = 7,
+    /// Refused, the nominal command goes out: it is outside the region that the method was
+    /// taught on.
+    TRUEPOSE_OUTSIDE_REGION = 8,
+    /// Refused, the nominal command goes out: the blob has no tables for this method.
+    TRUEPOSE_NOT_TAUGHT = 9,
 }
 
 /// What goes out.
@@ -213,6 +218,8 @@ impl From<Status> for truepose_status {
             Status::NotAPose => Self::TRUEPOSE_NOT_A_POSE,
             Status::PredictionNotFinite => Self::TRUEPOSE_PREDICTION_NOT_FINITE,
             Status::JointsNotFinite => Self::TRUEPOSE_JOINTS_NOT_FINITE,
+            Status::OutsideRegion => Self::TRUEPOSE_OUTSIDE_REGION,
+            Status::NotTaught => Self::TRUEPOSE_NOT_TAUGHT,
         }
     }
 }
