@@ -39,6 +39,12 @@ pub struct Settings {
 const TARGETS: usize = 60;
 const REPEATED: usize = 5;
 const REPEATS: usize = 10;
+/// Smallest singular value (m and rad) of the nominal arm at a target. About four in ten random
+/// postures of a PUMA are nearer to a singular one, where corrections are held back on purpose;
+/// no one would work there.
+const CLEAR: f64 = 0.05;
+/// Postures that are drawn for each target.
+const DRAWN: usize = 10;
 /// A command whose predicted error is below this is corrected completely, m and rad: a tenth of
 /// the noise, and above what single precision leaves.
 const REACHED: [f64; 2] = [2e-6, 7e-6];
@@ -70,8 +76,8 @@ pub struct Demonstration {
     /// How far the arm ends from where the new targets are: nominal commands, compensated
     /// with the geometry alone, compensated with the effect.
     pub executed: [Errors; 3],
-    /// New targets, and those of them that were left out: too near a singular posture or a limit
-    /// to be corrected completely.
+    /// New targets, clear of singular postures, and those of them that were left out: too near a
+    /// limit to be corrected completely.
     pub targets: [usize; 2],
     /// Verification of the commands compensated with the effect.
     pub verified: Verified,
@@ -160,7 +166,12 @@ pub fn demonstrate(settings: &Settings, tell: &mut dyn FnMut(f64)) -> Result<Dem
     };
     let file = PathBuf::from("demo.tpb");
     let request = |targets: &[Visit]| cell.measure(targets, &new, &instrument, NEW).dataset();
-    let mut targets = cell.schedule(&new, TARGETS, NEW);
+    let drawn = cell.schedule(&new, DRAWN * TARGETS, NEW).into_iter();
+    let mut targets: Vec<Visit> = drawn
+        .filter(|visit| smallest_singular_value(&robot, &visit.q) >= CLEAR)
+        .take(TARGETS)
+        .collect();
+    let all = targets.len();
     let reached = [
         commands(&file, &geometry_alone, request(&targets))?,
         commands(&file, &parameters, request(&targets))?,
@@ -181,7 +192,7 @@ pub fn demonstrate(settings: &Settings, tell: &mut dyn FnMut(f64)) -> Result<Dem
             robot.name
         )));
     }
-    let singular = TARGETS - targets.len();
+    let left_out = all - targets.len();
     let repeated: Vec<Visit> = targets.iter().take(REPEATED).cloned().collect();
     for _ in 1..REPEATS {
         targets.extend(repeated.iter().cloned());
@@ -232,7 +243,7 @@ pub fn demonstrate(settings: &Settings, tell: &mut dyn FnMut(f64)) -> Result<Dem
         ],
         predicted: [nominal, with_geometry, with_effect],
         executed: [before?, geometry?, after?],
-        targets: [TARGETS, singular],
+        targets: [all, left_out],
         verified,
         hidden: size,
         found,
@@ -242,6 +253,28 @@ pub fn demonstrate(settings: &Settings, tell: &mut dyn FnMut(f64)) -> Result<Dem
         new_data: by_effect.csv(),
         parameters,
     })
+}
+
+/// Of the joint Jacobian of the nominal arm, m and rad, by differences; that of the largest
+/// square part for an arm of fewer than six joints.
+fn smallest_singular_value(robot: &Robot, q: &[f64]) -> f64 {
+    const STEP: f64 = 1e-6;
+    let columns: Vec<_> = (0..q.len())
+        .map(|j| {
+            let [back, forth] = [-STEP, STEP].map(|step| {
+                let mut moved = q.to_vec();
+                moved[j] += step;
+                robot.forward(&moved)
+            });
+            nalgebra::DVector::from_row_slice(&back.twist_to(&forth).scaled(0.5 / STEP).rows())
+        })
+        .collect();
+    let jacobian = nalgebra::DMatrix::from_columns(&columns);
+    jacobian
+        .singular_values()
+        .iter()
+        .copied()
+        .fold(f64::INFINITY, f64::min)
 }
 
 /// Kind, joint and order, joints counted from 1.

@@ -1,17 +1,19 @@
 //! `truepose compensate`: corrected commands for a table of targets.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::PossibleValuesParser;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 use truepose::Method;
 use truepose::compensate::{PoseError, Status};
+use truepose::params::Blob;
 use truepose_host::compensate::{Corrected, Precision, compensate};
 use truepose_host::error::Error;
-use truepose_host::measurement::{self, Expected, Purpose};
+use truepose_host::measurement::{self, Dataset, Expected, Purpose};
 use truepose_host::output::Output;
 use truepose_host::parameters::{self, missing_conditions};
+use truepose_host::predict::predict;
 
 use super::options::{Out, Params};
 use super::{Files, Outcome, warn};
@@ -22,8 +24,15 @@ pub(crate) struct Options {
     #[command(flatten)]
     params: Params,
     /// Poses to reach and the joints that nominally reach them
-    #[arg(long, value_name = "T.csv")]
-    targets: PathBuf,
+    #[arg(long, value_name = "T.csv", required_unless_present = "taught")]
+    targets: Option<PathBuf>,
+    /// Joint commands (q1, ...) taught on another robot, to reach the same poses with
+    #[arg(long, value_name = "T.csv", conflicts_with = "targets")]
+    taught: Option<PathBuf>,
+    /// Parameters of the robot that was taught, in the same world; without them, it was as
+    /// nominal as drawn
+    #[arg(long, value_name = "A.tpb", requires = "taught")]
+    from: Option<PathBuf>,
     #[command(flatten)]
     out: Out,
     /// Compensator, instead of the one that the parameters name
@@ -41,17 +50,59 @@ enum NumberType {
 }
 
 pub(crate) fn files(options: &Options) -> Files<'_> {
+    let mut inputs = vec![options.params.params.as_path()];
+    let tables = [&options.targets, &options.taught, &options.from];
+    inputs.extend(tables.into_iter().flatten().map(PathBuf::as_path));
     Files {
-        inputs: vec![&options.params.params, &options.targets],
+        inputs,
         outputs: vec![&options.out.out],
     }
 }
 
+/// The rows to compensate, each with its pose, or without one where it is what the joints
+/// nominally mean.
+fn rows(options: &Options, blob: &Blob<'_>) -> Result<Dataset, Error> {
+    let expected = Expected::of_blob(blob);
+    let Some(taught) = &options.taught else {
+        let targets = options.targets.as_deref().unwrap_or(Path::new(""));
+        return measurement::read(targets, &expected, Purpose::Targets);
+    };
+    let mut table = measurement::read(taught, &expected, Purpose::Joints)?;
+    // MRD 5.22: where the robot that was taught had its tool.
+    let poses = match &options.from {
+        Some(from) => {
+            let bytes = parameters::read(from)?;
+            let other = parameters::decode(from, &bytes)?;
+            let kinds = |blob: &Blob<'_>| -> Vec<_> {
+                blob.nominal.joints.iter().map(|joint| joint.kind).collect()
+            };
+            if kinds(&other) != kinds(blob) {
+                return Err(Error::Usage(format!(
+                    "{} and {}: not of the same joints",
+                    from.display(),
+                    options.params.params.display()
+                )));
+            }
+            warn(&missing_conditions(&other, &table));
+            predict(from, &other, &table)?
+                .into_iter()
+                .map(Some)
+                .collect()
+        }
+        None => vec![None; table.rows.len()],
+    };
+    for (row, pose) in table.rows.iter_mut().zip(poses) {
+        row.position = pose.map(|pose| pose.translation.into());
+        row.orientation = pose.map(|pose| pose.quaternion());
+    }
+    Ok(table)
+}
+
 pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
-    let (params, targets, out) = (&options.params.params, &options.targets, &options.out.out);
+    let (params, out) = (&options.params.params, &options.out.out);
     let bytes = parameters::read(params)?;
     let blob = parameters::decode(params, &bytes)?;
-    let table = measurement::read(targets, &Expected::of_blob(&blob), Purpose::Targets)?;
+    let table = rows(options, &blob)?;
     warn(&table.warnings);
     warn(&missing_conditions(&blob, &table));
 

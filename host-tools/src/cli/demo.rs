@@ -148,10 +148,11 @@ fn text(shown: &Demonstration, options: &Options) -> String {
     ];
     text += &table(&names, &shown.executed);
     let [targets, left_out] = shown.targets;
+    text += &format!("   ({targets} new targets, all clear of singular postures)\n");
     if left_out > 0 {
         text += &format!(
-            "   ({left_out} of {targets} targets, too near a singular posture or a limit to be \
-             corrected completely, are left out)\n"
+            "   ({left_out} of {targets} targets, too near a limit to be corrected completely, are \
+             left out)\n"
         );
     }
     text += "5. verify on the new measurements:\n";
