@@ -106,6 +106,17 @@ impl<'t, 'd> Table<'t, 'd> {
         }
     }
 
+    /// True or false; false where it is absent.
+    pub(crate) fn flag(&mut self, key: &str) -> Result<bool, Error> {
+        let Some(value) = self.take(key) else {
+            return Ok(false);
+        };
+        match value.get_ref() {
+            DeValue::Boolean(it) => Ok(*it),
+            _ => Err(self.wrong(key, value, "true or false")),
+        }
+    }
+
     /// A table inside this one.
     pub(crate) fn table(&mut self, key: &str) -> Result<Option<Table<'t, 'd>>, Error> {
         let Some(value) = self.take(key) else {

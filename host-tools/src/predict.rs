@@ -2,11 +2,15 @@
 
 use std::path::Path;
 
+use nalgebra::Matrix6;
 use truepose::Pose;
 use truepose::effects::Conditions;
 use truepose::params::{Blob, BlobError, MAX_JOINTS};
 
-use crate::error::Error;
+use crate::error::{Error, Place};
+use crate::identify::arm::ArmModel;
+use crate::identify::observation::Observation;
+use crate::identify::predicted::{Covariance, Uncertainty};
 use crate::joints::{first, with_joints};
 use crate::measurement::{Dataset, Row};
 
@@ -23,6 +27,53 @@ pub fn predict(file: &Path, blob: &Blob<'_>, table: &Dataset) -> Result<Vec<Pose
             file: file.to_path_buf(),
             cause,
         })
+}
+
+/// The calibrated arm of a blob, as identification sees it. Effects borrow from the blob, so it
+/// must live as long.
+pub fn calibrated(blob: &Blob<'static>) -> ArmModel {
+    let of = &blob.calibrated;
+    let mut arm = ArmModel::new(
+        (&of.base).into(),
+        of.joints.to_vec(),
+        of.masses.to_vec(),
+        (&of.tool).into(),
+        blob.gravity.into(),
+    );
+    arm.effects = blob.effects.to_vec();
+    arm.bake();
+    arm
+}
+
+/// Covariance of the predicted tool pose at each row of `table`, by the parameters' covariance
+/// alone. `report`: where that comes from.
+pub fn uncertainty(
+    report: &Path,
+    blob: &Blob<'static>,
+    table: &Dataset,
+) -> Result<Vec<Matrix6<f64>>, Error> {
+    let arm = calibrated(blob);
+    let covariance = Covariance::read(report)?;
+    let uncertainty = Uncertainty::new(&covariance, &arm).map_err(|name| {
+        Place::file(report).column("covariance").bad(
+            format!("a parameter {name}, which the blob's arm does not have"),
+            "the report that was written with these parameters",
+            "give the two files that one run of identify or diagnose wrote",
+        )
+    })?;
+    let rows: Vec<Observation> = table
+        .rows
+        .iter()
+        .map(|row| Observation {
+            row: row.number,
+            q: row.q.clone(),
+            direction: row.direction.clone(),
+            travel: vec![0.0; row.q.len()],
+            ambient: row.ambient(),
+            ..Observation::default()
+        })
+        .collect();
+    Ok(uncertainty.at(&arm, &rows))
 }
 
 fn rows<const N: usize>(blob: &Blob<'_>, table: &Dataset) -> Result<Vec<Pose<f64>>, BlobError> {

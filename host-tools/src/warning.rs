@@ -73,6 +73,14 @@ pub enum Warning {
         /// The file.
         file: PathBuf,
     },
+    /// Pairs, fixed points, planes or bearings beside positions or lengths, without their
+    /// noise.
+    RelationsUnused {
+        /// The file.
+        file: PathBuf,
+        /// The columns.
+        columns: String,
+    },
     /// Further targets without a nominal offset.
     NoTargetOffset {
         /// The file that should give it.
@@ -170,6 +178,12 @@ impl fmt::Display for Warning {
                 f,
                 "{}: positions are measured: `length` is kept out; put it into a file of its \
                  own to use it",
+                file.display()
+            ),
+            Self::RelationsUnused { file, columns } => write!(
+                f,
+                "{}: {columns} beside positions or lengths kept out; distance_sigma_mm, \
+                 contact_sigma_mm or bearing_sigma_deg in the sidecar says that they count",
                 file.display()
             ),
             Self::NoTargetOffset { file, targets } => {

@@ -13,6 +13,7 @@ use truepose::effects::{AXES, Ambient, Effect, Factor, Place, Selector, Shape, U
 use truepose::{Joint, JointKind, LinkMass, Pose};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::linearize::Evaluator;
+use truepose_host::identify::method::Method;
 use truepose_host::identify::observation::{Observation, Sigmas};
 use truepose_host::identify::problem::Problem;
 use truepose_host::identify::structure::structure;
@@ -131,11 +132,7 @@ fn measured(arm: &ArmModel, row: usize, random: &mut Random) -> Observation {
         direction: kinds.iter().map(|_| random.within(1.0).signum()).collect(),
         travel: vec![0.0; kinds.len()],
         ambient,
-        session: 0,
-        position: None,
-        rotation: None,
-        targets: Vec::new(),
-        length: None,
+        ..Observation::default()
     };
     let pose = Evaluator::new(arm, SIGMAS).observe(&o);
     o.position = Some(pose.translation);
@@ -164,6 +161,11 @@ fn recover(slide: bool, truth: &[Effect<'static, f64>], shown: usize) {
         verify: Vec::new(),
         sigmas: SIGMAS,
         sessions: vec![0],
+        points: Vec::new(),
+        planes: Vec::new(),
+        stations: 0,
+        targets_known: false,
+        method: Method::default(),
         target_offsets: Vec::new(),
         effects: blank,
     };

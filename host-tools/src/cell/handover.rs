@@ -10,7 +10,7 @@ use super::drawing::Kind;
 use super::instrument::{Measured, Seen};
 use super::physics::GRAVITY;
 use crate::description::{Robot, RobotJoint};
-use crate::measurement::{self, Available, Dataset, Noise, Row, Set};
+use crate::measurement::{self, Available, Dataset, Noise, Relations, Row, Set};
 
 impl Cell {
     /// The arm as drawn, as [`Robot::read`] would read it from [`Cell::robot_toml`].
@@ -102,8 +102,10 @@ impl Measured {
                 orientation: sigma(self.instrument.orientation_sigma, 1)
                     .filter(|_| self.instrument.seen == Seen::Pose),
                 length: position.filter(|_| length),
+                ..Noise::default()
             },
             target_offsets: offsets,
+            targets_known: false,
             warnings: Vec::new(),
         }
     }
@@ -131,6 +133,7 @@ impl Measured {
                 .filter(|_| self.instrument.seen == Seen::Pose),
             length: row.values.first().copied().filter(|_| length),
             targets,
+            relations: Relations::default(),
             q_command: written.commands.then(|| visit.q.clone()),
             direction: (0..visit.q.len())
                 .map(|j| {

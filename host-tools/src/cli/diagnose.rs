@@ -7,7 +7,7 @@ use truepose_host::deploy::{Origin, blob};
 use truepose_host::description::Robot;
 use truepose_host::diagnose::diagnose;
 use truepose_host::diagnose::input;
-use truepose_host::error::Error;
+use truepose_host::error::{Error, Place};
 use truepose_host::identify::readings::identify_file;
 use truepose_host::measurement::{self, Expected, Purpose};
 use truepose_host::output::Output;
@@ -45,6 +45,13 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     let robot = Robot::read(&options.robot.robot)?;
     let data = measurement::read(data_file, &Expected::of(&robot), Purpose::Fit)?;
     warn(&data.warnings);
+    if data.rows.iter().any(|row| row.relations.pair.is_some()) {
+        return Err(Place::file(data_file).column("pair").bad(
+            "distances between pairs of poses",
+            "one pose a row: what an effect does at two poses at once is not searched for",
+            "take identify, and name effects with --effect",
+        ));
+    }
     let explain = |failure: truepose_host::identify::Failure| failure.explain(data_file);
     let identified = identify_file(&robot, &data, Vec::new()).map_err(explain)?;
     let findings = input::check(

@@ -1,13 +1,16 @@
 //! `truepose identify`: the arm's geometry, and effects named beforehand.
 
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::Args;
 use truepose_host::deploy::{Origin, blob};
 use truepose_host::description::Robot;
 use truepose_host::error::Error;
+use truepose_host::identify::bootstrap::bootstrap;
+use truepose_host::identify::method::{Estimator, Loss, Method};
 use truepose_host::identify::named::effects;
-use truepose_host::identify::readings::identify_file;
+use truepose_host::identify::readings::identify_file_by;
 use truepose_host::measurement::{self, Expected, Purpose};
 use truepose_host::output::Output;
 use truepose_host::report::Report;
@@ -32,6 +35,72 @@ pub(crate) struct Options {
     /// gear-eccentricity:2:1; without a joint: of all
     #[arg(long = "effect", value_name = "KIND[:JOINT[:ORDER]]")]
     effects: Vec<String>,
+    /// How the parameters are looked for: least-squares, weighted-least-squares,
+    /// levenberg-marquardt, minimum-variance, kalman or golden-section
+    #[arg(long, value_name = "NAME", default_value = "levenberg-marquardt")]
+    estimator: String,
+    /// What large residuals cost: square, huber or tukey
+    #[arg(long, value_name = "NAME", default_value = "square")]
+    loss: String,
+    /// How far a length may be from the drawing, one standard deviation, mm
+    /// (minimum-variance and kalman) [default: 5]
+    #[arg(long, value_name = "MM")]
+    prior_mm: Option<f64>,
+    /// How far an angle may be from the drawing, one standard deviation, deg
+    /// (minimum-variance and kalman) [default: 0.5]
+    #[arg(long, value_name = "DEG")]
+    prior_deg: Option<f64>,
+    /// How far joint parameters wander from row to row, one standard deviation, um and urad
+    /// (kalman) [default: 0]
+    #[arg(long, value_name = "UM")]
+    process_noise_um: Option<f64>,
+    /// Draw the rows anew N times, for standard errors that do not trust the declared noise
+    #[arg(long, value_name = "N")]
+    bootstrap: Option<usize>,
+}
+
+/// The method that the options ask for.
+fn method(options: &Options) -> Result<Method, Error> {
+    let named = |option: &str, name: &str, expected: String| {
+        Error::Usage(format!("--{option} {name}: not known; expected {expected}"))
+    };
+    let estimator = Estimator::from_str(&options.estimator)
+        .map_err(|e| named("estimator", &options.estimator, e))?;
+    let loss = Loss::from_str(&options.loss).map_err(|e| named("loss", &options.loss, e))?;
+    let prior = [Estimator::MinimumVariance, Estimator::Kalman];
+    let used = |option: &str, value: Option<f64>, by: &[Estimator], zero: bool| match value {
+        Some(x) if !(x.is_finite() && (x > 0.0 || zero && x >= 0.0)) => Err(Error::Usage(format!(
+            "--{option} {x}: expected a standard deviation above zero"
+        ))),
+        Some(_) if !by.contains(&estimator) => {
+            let names: Vec<&str> = by.iter().map(|e| e.name()).collect();
+            Err(Error::Usage(format!(
+                "--{option}: the estimator {} does not use it; expected --estimator {}",
+                estimator.name(),
+                names.join(" or ")
+            )))
+        }
+        other => Ok(other),
+    };
+    let default = Method::default();
+    let length = used("prior-mm", options.prior_mm, &prior, false)?;
+    let angle = used("prior-deg", options.prior_deg, &prior, false)?;
+    let kalman = [Estimator::Kalman];
+    let wander = used("process-noise-um", options.process_noise_um, &kalman, true)?;
+    if options.bootstrap.is_some_and(|n| n < 2) {
+        return Err(Error::Usage(
+            "--bootstrap: expected at least 2 draws; 200 give a standard error to 5 %".to_owned(),
+        ));
+    }
+    Ok(Method {
+        estimator,
+        loss,
+        tolerance: [
+            length.map_or(default.tolerance[0], |mm| mm * 1e-3),
+            angle.map_or(default.tolerance[1], f64::to_radians),
+        ],
+        process_noise: wander.map_or(default.process_noise, |um| um * 1e-6),
+    })
 }
 
 pub(crate) fn files(options: &Options) -> Files<'_> {
@@ -45,13 +114,19 @@ pub(crate) fn files(options: &Options) -> Files<'_> {
 
 pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     let (data_file, out): (&PathBuf, &PathBuf) = (&options.data.data, &options.out.out);
+    let method = method(options)?;
     let robot = Robot::read(&options.robot.robot)?;
     let data = measurement::read(data_file, &Expected::of(&robot), Purpose::Fit)?;
     warn(&data.warnings);
     let effects = effects(&options.effects, &robot, &data)?;
     let explain = |failure: truepose_host::identify::Failure| failure.explain(data_file);
-    let identified = identify_file(&robot, &data, effects).map_err(explain)?;
-    let report = Report::new(&robot.name, &data, &identified).map_err(explain)?;
+    let identified = identify_file_by(&robot, &data, effects, method).map_err(explain)?;
+    let mut report = Report::new(&robot.name, &data, &identified).map_err(explain)?;
+    if let Some(draws) = options.bootstrap {
+        let calibration = &identified.calibration;
+        let scatter = bootstrap(&identified.problem, calibration, draws);
+        report.add_bootstrap(calibration, &scatter);
+    }
     let bytes = blob(
         &robot,
         &identified.calibration,

@@ -104,11 +104,22 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     if let Some(table) = &table {
         warn(&table.warnings);
     }
-    let was = table.as_ref().map(|table| match table.measured {
-        Measured::Pose => Measure::Pose,
-        Measured::Length => Measure::Length,
-        Measured::Position | Measured::Nothing => Measure::Position,
-    });
+    let was = match table.as_ref().map(|table| table.measured) {
+        Some(Measured::Pose) => Some(Measure::Pose),
+        Some(Measured::Length) => Some(Measure::Length),
+        Some(Measured::Position | Measured::Nothing) => Some(Measure::Position),
+        None => None,
+        Some(Measured::Bearing | Measured::Distance | Measured::Point | Measured::Plane)
+            if options.measure.is_none() =>
+        {
+            return Err(Error::Usage(
+                "--data holds bearings, distances or touches, which plan does not choose poses \
+                 for; --measure says what the new poses will be measured by"
+                    .to_owned(),
+            ));
+        }
+        Some(_) => None,
+    };
     let measure = options.measure.or(was).unwrap_or(Measure::Position);
     let seen = match measure {
         Measure::Position => Seen::Position,

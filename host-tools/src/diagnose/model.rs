@@ -8,7 +8,8 @@ use super::space::Space;
 use crate::identify::arm::ArmModel;
 use crate::identify::linearize::{Linear, linearize};
 use crate::identify::observation::{Observation, Sigmas};
-use crate::identify::solve::{Prior, Solved, distinguishable};
+use crate::identify::prior::Prior;
+use crate::identify::solve::{Solved, distinguishable};
 use crate::identify::unknown::Unknown;
 use crate::identify::{Failure, fit};
 

@@ -9,6 +9,8 @@ use truepose::{Frame, Pose, forward};
 
 use super::arm::ArmModel;
 use super::observation::Observation;
+use super::relation::{Plane, Relation};
+use super::three_targets::pose_of;
 
 /// The rotation and translation that take points `from` to points `to` with the least sum
 /// of squares (Arun, Huang and Blostein 1987: SVD of the cross-covariance).
@@ -75,6 +77,8 @@ pub fn first_guess(
         }
         if let Some(base) = best_fit(&from, &to) {
             arm.bases[session] = base;
+        } else if let Some(base) = seen_from(0, session, &tool, observations, &flanges) {
+            arm.bases[session] = base;
         }
     }
     let mut turns = Matrix3::zeros();
@@ -91,7 +95,135 @@ pub fn first_guess(
     }
     guess_targets(arm, observations, &flanges);
     guess_anchor(arm, observations, &flanges);
+    guess_surroundings(arm, observations, &flanges);
     arm.bake();
+}
+
+/// Pose of the robot base of `session` seen from a station, by its bearings alone.
+fn seen_from(
+    station: usize,
+    session: usize,
+    tool: &Vector3<f64>,
+    observations: &[&Observation],
+    flanges: &[Pose<f64>],
+) -> Option<Pose<f64>> {
+    let (mut points, mut directions) = (Vec::new(), Vec::new());
+    for (o, flange) in observations.iter().zip(flanges) {
+        for relation in o.relations.iter().filter(|_| o.session == session) {
+            if let Relation::Bearing {
+                station: s,
+                azimuth,
+                elevation,
+                ..
+            } = *relation
+                && s == station
+            {
+                let ((sa, ca), (se, ce)) = (azimuth.sin_cos(), elevation.sin_cos());
+                points.push(flange.point(tool));
+                directions.push(Vector3::new(ca * ce, sa * ce, se));
+            }
+        }
+    }
+    resected(&points, &directions)
+}
+
+/// The pose that puts `points` onto rays from the origin along `directions` (resection by the
+/// direct linear transform): the null vector of `d × (A p + t) = 0`, its A made a rotation.
+/// `None` for fewer than six points or where they lie in a plane.
+pub fn resected(points: &[Vector3<f64>], directions: &[Vector3<f64>]) -> Option<Pose<f64>> {
+    let n = points.len().min(directions.len());
+    if n < 6 {
+        return None;
+    }
+    let centre = points[..n].iter().sum::<Vector3<f64>>() / n as f64;
+    let size = points.iter().map(|p| (p - centre).norm()).sum::<f64>() / n as f64;
+    let mut normal = DMatrix::<f64>::zeros(12, 12);
+    for (p, d) in points.iter().zip(directions) {
+        let p = ((p - centre) / size).push(1.0);
+        let cross = d.cross_matrix();
+        let square = cross.transpose() * cross;
+        for (i, j) in (0..4).flat_map(|i| (0..4).map(move |j| (i, j))) {
+            let mut block = normal.view_mut((3 * i, 3 * j), (3, 3));
+            block += square * (p[i] * p[j]);
+        }
+    }
+    let eigen = normal.symmetric_eigen();
+    let mut order: Vec<usize> = (0..12).collect();
+    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+    // two null vectors: the points lie in a plane
+    if eigen.eigenvalues[order[1]] < 1e-9 * eigen.eigenvalues[order[11]] {
+        return None;
+    }
+    let v = eigen.eigenvectors.column(order[0]);
+    let mut a = Matrix3::from_fn(|row, column| v[3 * column + row]);
+    let mut t = Vector3::new(v[9], v[10], v[11]);
+    let ahead =
+        |(p, d): (&Vector3<f64>, &Vector3<f64>)| d.dot(&(a * (p - centre) / size + t)).signum();
+    if points.iter().zip(directions).map(ahead).sum::<f64>() < 0.0 {
+        (a, t) = (-a, -t);
+    }
+    let scale = a.svd(false, false).singular_values.mean();
+    let r = nearest_rotation(&a)?;
+    Some(Pose::new(r, t * (size / scale) - r * centre))
+}
+
+/// Points that are touched, planes that are touched, and further stations.
+fn guess_surroundings(arm: &mut ArmModel, observations: &[&Observation], flanges: &[Pose<f64>]) {
+    let mut touched: [Vec<Vec<Vector3<f64>>>; 2] = Default::default();
+    let mut stations = 1;
+    for (o, flange) in observations.iter().zip(flanges) {
+        let p = arm.bases[o.session]
+            .then(flange)
+            .point(&arm.tool.translation);
+        for relation in &o.relations {
+            let (kind, index) = match *relation {
+                Relation::Point { point, .. } => (0, point),
+                Relation::Plane { plane, .. } => (1, plane),
+                Relation::Bearing { station, .. } => {
+                    stations = stations.max(station + 1);
+                    continue;
+                }
+                Relation::Distance { .. } => continue,
+            };
+            if touched[kind].len() <= index {
+                touched[kind].resize(index + 1, Vec::new());
+            }
+            touched[kind][index].push(p);
+        }
+    }
+    let [points, planes] = touched;
+    let mean = |of: &[Vector3<f64>]| of.iter().sum::<Vector3<f64>>() / of.len().max(1) as f64;
+    arm.points = points.iter().map(|of| mean(of)).collect();
+    arm.planes = planes
+        .iter()
+        .map(|of| {
+            let centre = mean(of);
+            let spread = |p: &Vector3<f64>| (p - centre) * (p - centre).transpose();
+            let eigen = of
+                .iter()
+                .map(spread)
+                .sum::<Matrix3<f64>>()
+                .symmetric_eigen();
+            let (least, _) = eigen.eigenvalues.argmin();
+            Plane::new(&centre, &eigen.eigenvectors.column(least).into_owned())
+        })
+        .collect();
+    arm.stations.resize(stations, Pose::identity());
+    for station in 1..stations {
+        let base = |session| {
+            let base = seen_from(
+                station,
+                session,
+                &arm.tool.translation,
+                observations,
+                flanges,
+            )?;
+            Some(arm.bases[session].then(&base.inverse()))
+        };
+        if let Some(found) = (0..arm.bases.len()).find_map(base) {
+            arm.stations[station] = found;
+        }
+    }
 }
 
 /// Mean position of every further target in the tool frame.
@@ -141,6 +273,24 @@ fn guess_anchor(arm: &mut ArmModel, observations: &[&Observation], flanges: &[Po
     }
     if let Ok(solution) = a.svd(true, true).solve(&b, 1e-12) {
         arm.anchor = Vector3::new(solution[0], solution[1], solution[2]);
+    }
+}
+
+/// Turns the tool frame to the mean of the poses that three known targets give.
+pub(super) fn turn_tool_to_poses(arm: &mut ArmModel, observations: &[&Observation]) {
+    let flanges = flange_poses(arm, observations);
+    let mut turns = Matrix3::zeros();
+    for (o, flange) in observations.iter().zip(&flanges) {
+        if let Some(pose) = pose_of(o, &arm.targets) {
+            let base = &arm.bases[o.session];
+            turns += flange.rotation.transpose() * base.rotation.transpose() * pose.rotation;
+        }
+    }
+    if turns.norm() > 0.0
+        && let Some(r) = nearest_rotation(&turns)
+    {
+        arm.tool.rotation = r;
+        arm.bake();
     }
 }
 

@@ -5,6 +5,8 @@ use truepose::effects::{Description, Effect, hat};
 use truepose::jacobian::{AttachedTwist, Attachment, carried, parameter_twists};
 use truepose::{Arm, BakedJoint, Gauge, Joint, LinkMass, Parameter, Pose, Twist, bake};
 
+use super::relation::Plane;
+
 /// The irregular error of a revolute joint's own angle as a periodic table of a turn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
@@ -51,6 +53,13 @@ pub struct ArmModel {
     pub targets: Vec<Vector3<f64>>,
     /// Fixed end of the wire or bar in the world, m.
     pub anchor: Vector3<f64>,
+    /// Fixed points that the tool point touches, in the world, m.
+    pub points: Vec<Vector3<f64>>,
+    /// Fixed planes that the tool point touches, in the world.
+    pub planes: Vec<Plane>,
+    /// Stations that bearings are taken from, in the world; the first is the world's own
+    /// frame.
+    pub stations: Vec<Pose<f64>>,
     /// What the rigid chain lacks.
     pub effects: Vec<Effect<'static, f64>>,
     /// Joints read before the arm had settled: what the joint that moved farthest still
@@ -83,6 +92,9 @@ impl ArmModel {
             gravity,
             targets: Vec::new(),
             anchor: Vector3::zeros(),
+            points: Vec::new(),
+            planes: Vec::new(),
+            stations: vec![Pose::identity()],
             effects: Vec::new(),
             early_reading: 0.0,
             curves: Vec::new(),
@@ -161,6 +173,11 @@ impl ArmModel {
             gauges: &self.gauges,
             tool: &self.tool,
         });
+    }
+
+    /// How far the tool point is from the last joint's axis, m.
+    pub fn tool_off_axis(&self) -> f64 {
+        self.baked_tool.translation.xy().norm()
     }
 
     /// How a joint parameter moves the tool.

@@ -50,7 +50,7 @@ impl Statistics {
 /// Distances between prediction and measurement of a set of rows.
 #[derive(Clone, Debug, Default)]
 pub struct Errors {
-    /// One a measured point (tool point and further targets), or one a length, m.
+    /// One a measured point (tool point and further targets), length or relation, m.
     pub distances: Vec<f64>,
     /// One a measured orientation, rad.
     pub angles: Vec<f64>,
@@ -67,18 +67,7 @@ pub fn errors(arm: &ArmModel, observations: &[&Observation]) -> Errors {
     let mut errors = Errors::default();
     for o in observations {
         let pose = evaluator.observe(o);
-        if let Some(p) = o.position {
-            errors.distances.push((p - pose.translation).norm());
-        }
-        for (measured, offset) in o.targets.iter().zip(&arm.targets) {
-            if let Some(p) = measured {
-                errors.distances.push((p - pose.point(offset)).norm());
-            }
-        }
-        if let Some(length) = o.length {
-            let predicted = (pose.translation - arm.anchor).norm();
-            errors.distances.push((length - predicted).abs());
-        }
+        evaluator.distances(o, |d| errors.distances.push(d));
         if let Some(r) = o.rotation {
             let turn = Pose::new(r * pose.rotation.transpose(), Vector3::zeros());
             errors.angles.push(turn.rotation_vector().norm());

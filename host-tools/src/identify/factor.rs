@@ -41,6 +41,13 @@ impl Triangle {
         self.r.solve_upper_triangular(&self.z)
     }
 
+    /// Least-squares step for another residual r of the same Jacobian, by its gradient Jᵀr
+    /// (the seminormal equations): as good as the residual is, not better than the gradient.
+    pub fn step_along(&self, gradient: &DVector<f64>) -> Option<DVector<f64>> {
+        let half = self.r.tr_solve_upper_triangular(gradient)?;
+        self.r.solve_upper_triangular(&half)
+    }
+
     /// (JᵀJ)⁻¹, by the triangle's inverse.
     pub fn covariance(&self) -> Option<DMatrix<f64>> {
         let n = self.z.len();
@@ -147,22 +154,56 @@ pub struct Selection {
 /// shorter than `visible`, or than `relative` times itself, is dropped. Gram-Schmidt with
 /// reorthogonalisation, so orthogonal to rounding.
 pub fn select(jacobian: &DMatrix<f64>, visible: f64, relative: f64) -> Selection {
-    let mut basis: Vec<DVector<f64>> = Vec::new();
-    let mut triangle: Vec<Vec<f64>> = Vec::new();
+    select_in_turns(jacobian, visible, &[relative])
+}
+
+/// The same in several turns: what one share of `relative` leaves out is asked again with the
+/// next. `kept` is in the order of being kept.
+pub fn select_in_turns(jacobian: &DMatrix<f64>, visible: f64, relative: &[f64]) -> Selection {
+    let mut basis = Basis::default();
     let mut selection = Selection::default();
-    for k in 0..jacobian.ncols() {
-        let mut column = jacobian.column(k).into_owned();
-        let length = column.norm();
-        if length <= visible {
-            selection.dropped.push((k, Dropped::Invisible));
-            continue;
+    for (turn, &relative) in relative.iter().enumerate() {
+        let asked: Vec<usize> = match turn {
+            0 => (0..jacobian.ncols()).collect(),
+            _ => selection.dropped.drain(..).map(|(k, _)| k).collect(),
+        };
+        for k in asked {
+            let column = jacobian.column(k).into_owned();
+            let length = column.norm();
+            if length <= visible {
+                selection.dropped.push((k, Dropped::Invisible));
+                continue;
+            }
+            let (rest, coefficients) = basis.orthogonal(column);
+            let left = rest.norm();
+            if left > visible && left > relative * length {
+                basis.push(rest / left, coefficients, left);
+                selection.kept.push(k);
+            } else {
+                let combination = basis.combination(coefficients, &selection.kept);
+                selection.dropped.push((k, Dropped::Dependent(combination)));
+            }
         }
-        let mut coefficients = vec![0.0; basis.len()];
-        let mut rest = length;
+    }
+    selection
+}
+
+/// Orthonormal columns, and the kept columns in terms of them.
+#[derive(Default)]
+struct Basis {
+    columns: Vec<DVector<f64>>,
+    triangle: Vec<Vec<f64>>,
+}
+
+impl Basis {
+    /// What of a column is orthogonal to all, and its coefficients.
+    fn orthogonal(&self, mut column: DVector<f64>) -> (DVector<f64>, Vec<f64>) {
+        let mut coefficients = vec![0.0; self.columns.len()];
+        let mut rest = column.norm();
         // Twice is enough, and once if little was taken away (Kahan's rule; Parlett 6.9).
         for _ in 0..2 {
             let before = rest;
-            for (c, q) in coefficients.iter_mut().zip(&basis) {
+            for (c, q) in coefficients.iter_mut().zip(&self.columns) {
                 let along = q.dot(&column);
                 column.axpy(-along, q, 1.0);
                 *c += along;
@@ -172,31 +213,33 @@ pub fn select(jacobian: &DMatrix<f64>, visible: f64, relative: f64) -> Selection
                 break;
             }
         }
-        if rest <= visible || rest <= relative * length {
-            // back substitution: the column as a combination of the kept ones
-            let mut weights = coefficients;
-            for i in (0..weights.len()).rev() {
-                let mut w = weights[i];
-                for j in i + 1..weights.len() {
-                    w -= triangle[j][i] * weights[j];
-                }
-                weights[i] = w / triangle[i][i];
-            }
-            let mut combination: Vec<(usize, f64)> = selection
-                .kept
-                .iter()
-                .copied()
-                .zip(weights)
-                .filter(|(_, w)| w.abs() > 1e-6)
-                .collect();
-            combination.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-            selection.dropped.push((k, Dropped::Dependent(combination)));
-        } else {
-            coefficients.push(rest);
-            triangle.push(coefficients);
-            basis.push(column / rest);
-            selection.kept.push(k);
-        }
+        (column, coefficients)
     }
-    selection
+
+    fn push(&mut self, unit: DVector<f64>, mut coefficients: Vec<f64>, rest: f64) {
+        coefficients.push(rest);
+        self.triangle.push(coefficients);
+        self.columns.push(unit);
+    }
+
+    /// A column as a combination of the `kept` ones, largest weight first, by back
+    /// substitution.
+    fn combination(&self, coefficients: Vec<f64>, kept: &[usize]) -> Vec<(usize, f64)> {
+        let mut weights = coefficients;
+        for i in (0..weights.len()).rev() {
+            let mut w = weights[i];
+            for j in i + 1..weights.len() {
+                w -= self.triangle[j][i] * weights[j];
+            }
+            weights[i] = w / self.triangle[i][i];
+        }
+        let mut combination: Vec<(usize, f64)> = kept
+            .iter()
+            .copied()
+            .zip(weights)
+            .filter(|(_, w)| w.abs() > 1e-6)
+            .collect();
+        combination.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        combination
+    }
 }

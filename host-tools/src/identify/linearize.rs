@@ -1,12 +1,16 @@
 //! Residuals and their derivatives, whitened by the instrument's noise.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use rayon::prelude::*;
 use truepose::effects::{Ambient, Effect, Reading, Stage};
 use truepose::jacobian::{AttachedTwist, reading_column};
 use truepose::{Frame, Pose, Scratch, Twist};
 
 use super::arm::ArmModel;
+use super::attached::{At, Attached};
 use super::observation::{Observation, Sigmas};
+use super::relation::{Around, Relation};
+use super::solve::BLOCK;
 use super::unknown::Unknown;
 
 /// How one unknown reaches the measurement.
@@ -25,6 +29,7 @@ enum Path {
     Anchor {
         unit: Vector3<f64>,
     },
+    Around(Around),
     /// Place among the values of all effects.
     Effect {
         place: usize,
@@ -55,6 +60,9 @@ fn paths(arm: &ArmModel, unknowns: &[Unknown]) -> Vec<Path> {
             unit: unit(axis),
         },
         Unknown::Anchor { axis } => Path::Anchor { unit: unit(axis) },
+        Unknown::Point { point, axis } => Path::Around(Around::Point(point, axis)),
+        Unknown::Plane { plane, value } => Path::Around(Around::Plane(plane, value)),
+        Unknown::Station { station, axis } => Path::Around(Around::Station(station, axis)),
         Unknown::Effect { effect, value } => {
             let before = arm.effects.iter().take(effect);
             let place = before.map(|e| e.model().values().len()).sum::<usize>() + value;
@@ -75,6 +83,8 @@ pub struct Evaluator<'a> {
     forces: Vec<Vector3<f64>>,
     rigid: Pose<f64>,
     pose: Pose<f64>,
+    /// Tool point at the other posture of each relation that has one.
+    far: Vec<Option<Vector3<f64>>>,
 }
 
 impl<'a> Evaluator<'a> {
@@ -90,6 +100,7 @@ impl<'a> Evaluator<'a> {
             forces: vec![Vector3::zeros(); n],
             rigid: Pose::identity(),
             pose: Pose::identity(),
+            far: Vec::new(),
         }
     }
 
@@ -114,12 +125,27 @@ impl<'a> Evaluator<'a> {
             },
         );
         self.rigid = prediction.rigid;
-        self.pose = prediction.pose();
+        self.pose = match self.arm.effects.is_empty() {
+            true => prediction.rigid,
+            false => prediction.pose(),
+        };
         self.pose
     }
 
-    /// Moves to an observation.
+    /// Moves to an observation, by way of the other postures that it is measured from.
     pub fn observe(&mut self, o: &Observation) -> Pose<f64> {
+        self.far.clear();
+        for relation in &o.relations {
+            let far = match relation {
+                Relation::Distance { to, .. } => Some(self.posture(to).translation),
+                _ => None,
+            };
+            self.far.push(far);
+        }
+        self.posture(o)
+    }
+
+    fn posture(&mut self, o: &Observation) -> Pose<f64> {
         let early = self.arm.early_reading;
         if early.abs() < f64::MIN_POSITIVE && self.arm.curves.is_empty() {
             return self.go(o.session, &o.q, &o.direction, &o.ambient);
@@ -148,12 +174,13 @@ impl<'a> Evaluator<'a> {
         let mut rows = out.iter_mut();
         let mut push = |v: Vector3<f64>, sigma: f64| {
             for (x, out) in v.iter().zip(rows.by_ref()) {
-                *out = x / sigma;
+                *out = x * (o.weight / sigma);
             }
         };
         let s = &self.sigmas;
+        let p = self.pose.translation;
         if let Some(position) = o.position {
-            push(position - self.pose.translation, s.position);
+            push(position - p, s.position);
         }
         if let Some(rotation) = o.rotation {
             let turn = Pose::new(rotation * self.pose.rotation.transpose(), Vector3::zeros());
@@ -165,20 +192,47 @@ impl<'a> Evaluator<'a> {
             }
         }
         if let Some(length) = o.length {
-            let predicted = (self.pose.translation - self.arm.anchor).norm();
+            let predicted = (p - self.arm.anchor).norm();
             if let Some(out) = rows.next() {
-                *out = (length - predicted) / s.length;
+                *out = (length - predicted) * (o.weight / s.length);
+            }
+        }
+        for (relation, far) in o.relations.iter().zip(&self.far) {
+            let scale = o.weight / relation.sigma();
+            let off = relation.residual(self.arm, &p, far.as_ref());
+            for (x, out) in off.iter().take(relation.equations()).zip(rows.by_ref()) {
+                *out = x * scale;
             }
         }
     }
 
+    /// Distances between what was measured of an observation and where the arm, here, puts
+    /// it, m: one a measured point, length or relation.
+    pub fn distances(&self, o: &Observation, mut each: impl FnMut(f64)) {
+        let p = self.pose.translation;
+        if let Some(position) = o.position {
+            each((position - p).norm());
+        }
+        for (measured, offset) in o.targets.iter().zip(&self.arm.targets) {
+            if let Some(measured) = measured {
+                each((measured - self.pose.point(offset)).norm());
+            }
+        }
+        if let Some(length) = o.length {
+            each((length - (p - self.arm.anchor).norm()).abs());
+        }
+        for (relation, far) in o.relations.iter().zip(&self.far) {
+            each(relation.error(self.arm, &p, far.as_ref()));
+        }
+    }
+
     /// What a displacement of the tool (world axes at the tool point) does to the prediction
-    /// of an observation, over sigma, into `out`.
+    /// of an observation, over sigma, into `out`. The other posture of a distance stays.
     pub fn spread(&self, o: &Observation, twist: &Twist<f64>, out: &mut [f64]) {
         let s = &self.sigmas;
         let mut rest = out;
         let mut push = |v: &Vector3<f64>, sigma: f64| {
-            let scale = 1.0 / sigma;
+            let scale = o.weight / sigma;
             if let Some((three, after)) = std::mem::take(&mut rest).split_first_chunk_mut::<3>() {
                 *three = [v.x * scale, v.y * scale, v.z * scale];
                 rest = after;
@@ -197,9 +251,36 @@ impl<'a> Evaluator<'a> {
         }
         if o.length.is_some() {
             let d = self.pose.translation - self.arm.anchor;
-            if let Some(out) = rest.first_mut() {
-                *out = d.dot(&twist.linear) / (d.norm().max(1e-9) * s.length);
+            if let Some((out, after)) = std::mem::take(&mut rest).split_first_mut() {
+                *out = d.dot(&twist.linear) * o.weight / (d.norm().max(1e-9) * s.length);
+                rest = after;
             }
+        }
+        for (relation, far) in o.relations.iter().zip(&self.far) {
+            let gradient = relation.gradient(self.arm, &self.pose.translation, far.as_ref());
+            let scale = o.weight / relation.sigma();
+            let count = relation.equations().min(rest.len());
+            let (these, after) = std::mem::take(&mut rest).split_at_mut(count);
+            for (x, out) in (gradient * twist.linear).iter().zip(these) {
+                *out = x * scale;
+            }
+            rest = after;
+        }
+    }
+
+    /// Takes from `out` what the displacement `twist` of the tool at the other posture of a
+    /// distance does to it. `out` is [`Self::spread`]'s.
+    fn spread_far(&self, o: &Observation, twists: &[Option<Twist<f64>>], out: &mut [f64]) {
+        let mut at = related(o);
+        for ((relation, far), twist) in o.relations.iter().zip(&self.far).zip(twists) {
+            if let (Some(far), Some(twist)) = (far, twist) {
+                let bar = self.pose.translation - far;
+                let scale = o.weight / relation.sigma();
+                if let Some(out) = out.get_mut(at) {
+                    *out -= bar.dot(&twist.linear) * scale / bar.norm().max(1e-9);
+                }
+            }
+            at += relation.equations();
         }
     }
 
@@ -284,6 +365,23 @@ impl<'a> Evaluator<'a> {
         }
     }
 
+    /// Displacements of the tool by all unknowns that `attached` took in; for a rigid arm.
+    fn attached(
+        &self,
+        o: &Observation,
+        attached: &mut Attached,
+        each: impl FnMut(usize, Twist<f64>),
+    ) {
+        let last = self.arm.bases.len() - 1;
+        let at = At {
+            baked_base: self.arm.baked_base(o.session),
+            base: &self.arm.bases[o.session.min(last)].translation,
+            frames: &self.frames,
+            tool: &self.pose.translation,
+        };
+        attached.twists(&at, each);
+    }
+
     /// Displacement of the tool per unit of an unknown that moves it, at the observation last
     /// moved to; `None` for those that move something else. `effects`: twists of all values
     /// of the arm's effects, one after the other.
@@ -311,7 +409,7 @@ impl<'a> Evaluator<'a> {
             }
             Path::Effect { place } => effects.get(*place).copied().unwrap_or_else(Twist::zero),
             Path::EarlyReading => self.early_twist(o),
-            Path::Target { .. } | Path::Anchor { .. } => return None,
+            Path::Target { .. } | Path::Anchor { .. } | Path::Around(_) => return None,
         })
     }
 
@@ -328,7 +426,7 @@ impl<'a> Evaluator<'a> {
                         continue;
                     }
                     if i == *target {
-                        let v = self.pose.rotation * unit / self.sigmas.position;
+                        let v = self.pose.rotation * unit * (o.weight / self.sigmas.position);
                         out[at..at + 3].copy_from_slice(v.as_slice());
                     }
                     at += 3;
@@ -338,9 +436,24 @@ impl<'a> Evaluator<'a> {
                 out.fill(0.0);
                 if o.length.is_some() {
                     let d = p - self.arm.anchor;
-                    if let Some(last) = out.last_mut() {
-                        *last = -d.dot(unit) / (d.norm().max(1e-9) * self.sigmas.length);
+                    let at = related(o).saturating_sub(1);
+                    if let Some(out) = out.get_mut(at) {
+                        let scale = o.weight / (d.norm().max(1e-9) * self.sigmas.length);
+                        *out = -d.dot(unit) * scale;
                     }
+                }
+            }
+            Path::Around(of) => {
+                out.fill(0.0);
+                let mut at = related(o);
+                for relation in &o.relations {
+                    let partial = relation.partial(self.arm, &p, *of);
+                    let scale = o.weight / relation.sigma();
+                    let end = at + relation.equations();
+                    for (x, out) in partial.iter().zip(&mut out[at..end]) {
+                        *out = x * scale;
+                    }
+                    at = end;
                 }
             }
             _ => out.fill(0.0),
@@ -357,6 +470,41 @@ impl<'a> Evaluator<'a> {
     }
 }
 
+/// The unknowns whose twists are constant in some frame, one set a placement of the
+/// instrument, and the places of the others.
+fn attached(
+    arm: &ArmModel,
+    paths: &[Path],
+    scales: &[f64],
+    rigid: bool,
+) -> (Vec<Attached>, Vec<usize>) {
+    let mut sets: Vec<Attached> = arm.bases.iter().map(|_| Attached::default()).collect();
+    let mut rest = Vec::new();
+    for (k, (path, &scale)) in paths.iter().zip(scales).enumerate() {
+        match path {
+            Path::Base { session, unit } if rigid => {
+                if let Some(set) = sets.get_mut(*session) {
+                    set.push_base(k, unit, scale);
+                }
+            }
+            Path::Attached(twists) if rigid => {
+                for set in &mut sets {
+                    twists.iter().flatten().for_each(|t| set.push(k, t, scale));
+                }
+            }
+            Path::Tool(twist) if rigid => sets.iter_mut().for_each(|s| s.push(k, twist, scale)),
+            _ => rest.push(k),
+        }
+    }
+    (sets, rest)
+}
+
+/// Equations of an observation before its relations'.
+fn related(o: &Observation) -> usize {
+    let relations = o.relations.iter().map(Relation::equations);
+    o.equations() - relations.sum::<usize>()
+}
+
 /// Whitened residual and identification Jacobian of a set of observations; each column is
 /// scaled by what may be expected of its unknown.
 pub struct Linear {
@@ -364,6 +512,44 @@ pub struct Linear {
     pub jacobian: DMatrix<f64>,
     /// Measured minus predicted over sigma.
     pub residual: DVector<f64>,
+}
+
+/// The other postures of one observation's distances.
+struct Other<'a> {
+    evaluator: Evaluator<'a>,
+    /// One a relation: the twists of all unknowns there.
+    each: Vec<Option<Vec<Twist<f64>>>>,
+}
+
+impl<'a> Other<'a> {
+    fn new(arm: &'a ArmModel, sigmas: Sigmas) -> Self {
+        Self {
+            evaluator: Evaluator::new(arm, sigmas),
+            each: Vec::new(),
+        }
+    }
+
+    fn observe(&mut self, o: &Observation, paths: &[Path]) {
+        self.each.clear();
+        let mut effects = Vec::new();
+        for relation in &o.relations {
+            let Relation::Distance { to, .. } = relation else {
+                self.each.push(None);
+                continue;
+            };
+            self.evaluator.observe(to);
+            self.evaluator.all_effect_twists(to, &mut effects);
+            let twist = |path| self.evaluator.twist(to, path, &effects);
+            let twists = paths.iter().map(|p| twist(p).unwrap_or_else(Twist::zero));
+            self.each.push(Some(twists.collect()));
+        }
+    }
+
+    /// Twists of unknown `k`, one a relation.
+    fn twists(&self, k: usize, scale: f64) -> Vec<Option<Twist<f64>>> {
+        let of = |all: &Vec<Twist<f64>>| all.get(k).map(|t| t.scaled(scale));
+        self.each.iter().map(|e| e.as_ref().and_then(of)).collect()
+    }
 }
 
 /// Linearises the model around the arm as it is. `scales`: unit of each column, in the
@@ -382,6 +568,9 @@ pub fn linearize(
     let any_effect = paths.iter().any(|p| matches!(p, Path::Effect { .. }));
     let mut effects = Vec::new();
     let mut evaluator = Evaluator::new(arm, sigmas);
+    let mut other = Other::new(arm, sigmas);
+    let rigid = arm.effects.is_empty();
+    let (mut attached, rest) = attached(arm, &paths, scales, rigid);
     let mut start = 0;
     for o in observations {
         let end = start + o.equations();
@@ -390,11 +579,30 @@ pub fn linearize(
         if any_effect {
             evaluator.all_effect_twists(o, &mut effects);
         }
-        let columns = jacobian.as_mut_slice().chunks_exact_mut(rows.max(1));
-        for ((path, scale), column) in paths.iter().zip(scales).zip(columns) {
-            let column = &mut column[start..end];
+        let far = evaluator.far.iter().any(Option::is_some);
+        if far {
+            other.observe(o, &paths);
+        }
+        let columns = jacobian.as_mut_slice();
+        let place = |k: usize| k * rows + start..k * rows + end;
+        if let Some(attached) = attached.get_mut(o.session.min(arm.bases.len() - 1)) {
+            evaluator.attached(o, attached, |k, twist| {
+                let column = &mut columns[place(k)];
+                evaluator.spread(o, &twist, column);
+                if far {
+                    evaluator.spread_far(o, &other.twists(k, scales[k]), column);
+                }
+            });
+        }
+        for &k in &rest {
+            let (path, scale, column) = (&paths[k], scales[k], &mut columns[place(k)]);
             match evaluator.twist(o, path, &effects) {
-                Some(twist) => evaluator.spread(o, &twist.scaled(*scale), column),
+                Some(twist) => {
+                    evaluator.spread(o, &twist.scaled(scale), column);
+                    if far {
+                        evaluator.spread_far(o, &other.twists(k, scale), column);
+                    }
+                }
                 None => {
                     evaluator.column(o, path, column);
                     for x in column {
@@ -408,17 +616,24 @@ pub fn linearize(
     Linear { jacobian, residual }
 }
 
-/// Whitened residual alone.
+/// Whitened residual alone; of many rows, by several threads.
 pub fn residuals(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> DVector<f64> {
-    let rows: usize = observations.iter().map(|o| o.equations()).sum();
-    let mut residual = DVector::zeros(rows);
-    let mut evaluator = Evaluator::new(arm, sigmas);
-    let mut start = 0;
-    for o in observations {
-        let end = start + o.equations();
-        evaluator.observe(o);
-        evaluator.residual(o, &mut residual.as_mut_slice()[start..end]);
-        start = end;
+    let of = |observations: &[&Observation]| {
+        let rows: usize = observations.iter().map(|o| o.equations()).sum();
+        let mut residual = vec![0.0; rows];
+        let mut evaluator = Evaluator::new(arm, sigmas);
+        let mut rest = residual.as_mut_slice();
+        for o in observations {
+            let (these, after) = rest.split_at_mut(o.equations());
+            evaluator.observe(o);
+            evaluator.residual(o, these);
+            rest = after;
+        }
+        residual
+    };
+    if observations.len() <= BLOCK {
+        return DVector::from_vec(of(observations));
     }
-    residual
+    let blocks: Vec<Vec<f64>> = observations.par_chunks(BLOCK).map(of).collect();
+    DVector::from_vec(blocks.concat())
 }

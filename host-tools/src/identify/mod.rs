@@ -8,31 +8,48 @@
 pub mod align;
 pub mod arm;
 pub mod assess;
+mod attached;
+pub mod bootstrap;
 pub mod factor;
 mod failure;
+mod golden;
 pub mod gross;
+pub mod kalman;
 pub mod linearize;
+pub mod method;
 pub mod named;
 pub mod noise;
+mod normal;
 pub mod observation;
+pub mod predicted;
+pub mod prior;
 pub mod problem;
 pub mod readings;
+pub mod relation;
+pub mod robust;
 pub mod solve;
 pub mod structure;
+pub mod three_targets;
 pub(crate) mod uncertainty;
 pub mod unknown;
+pub(crate) mod unseen;
 
-use align::{first_guess, turn_tool_to_targets};
+use align::{first_guess, turn_tool_to_poses, turn_tool_to_targets};
 use arm::ArmModel;
 use factor::Dropped;
 pub use failure::{Failure, ROWS_A_SESSION};
 use gross::gross;
+use kalman::Innovations;
+use method::{Fitted, Loss};
 use observation::Observation;
+use prior::Prior;
 use problem::Problem;
+use robust::Outlier;
+use solve::Solved;
 pub(crate) use solve::fit;
-use solve::{Prior, Solved};
 use structure::{Structure, structure};
 use unknown::Unknown;
+use unseen::Shown;
 
 /// An arm and the fit that made it.
 #[derive(Clone, Debug)]
@@ -54,6 +71,16 @@ pub enum Status {
     Merged(String),
 }
 
+impl Status {
+    fn explained(self, because: &str) -> Self {
+        match self {
+            Self::Fixed(note) => Self::Fixed(format!("{note}: {because}")),
+            Self::Merged(note) => Self::Merged(format!("{note}: {because}")),
+            Self::Identified => Self::Identified,
+        }
+    }
+}
+
 /// Result of [`identify`].
 #[derive(Clone, Debug)]
 pub struct Calibration {
@@ -69,21 +96,38 @@ pub struct Calibration {
     pub statuses: Vec<(Unknown, Status)>,
     /// Data rows left out as gross errors.
     pub rejected: Vec<usize>,
+    /// Rows that a robust loss trusts less than half; those that it does not trust at all
+    /// are `rejected` too.
+    pub outliers: Vec<Outlier>,
+    /// What a Kalman filter saw.
+    pub innovations: Option<Innovations>,
 }
 
 /// Placement unknowns that the data can show at all.
 pub(crate) fn placement(problem: &Problem) -> Vec<Unknown> {
     let mut unknowns = Vec::new();
-    for session in 0..problem.sessions.len().max(1) {
+    // Where nothing is placed in the world, the first base is the world.
+    let placed = problem.identify.iter().any(Observation::is_placed);
+    for session in usize::from(!placed)..problem.sessions.len().max(1) {
         unknowns.extend((0..6).map(|axis| Unknown::Base { session, axis }));
     }
     if problem.identify.iter().any(|o| o.length.is_some()) {
         unknowns.extend((0..3).map(|axis| Unknown::Anchor { axis }));
     }
+    for point in 0..problem.points.len() {
+        unknowns.extend((0..3).map(|axis| Unknown::Point { point, axis }));
+    }
+    for plane in 0..problem.planes.len() {
+        unknowns.extend((0..3).map(|value| Unknown::Plane { plane, value }));
+    }
+    for station in 1..problem.stations {
+        unknowns.extend((0..6).map(|axis| Unknown::Station { station, axis }));
+    }
     // the tool's turn last: further targets that are free show where they are, not it
     unknowns.extend((0..3).map(|axis| Unknown::Tool { axis }));
     let targets = problem.identify.iter().map(|o| o.targets.len()).max();
-    for target in 0..targets.unwrap_or(0) {
+    let free = targets.filter(|_| !problem.targets_known);
+    for target in 0..free.unwrap_or(0) {
         unknowns.extend((0..3).map(|axis| Unknown::Target { target, axis }));
     }
     unknowns.extend((3..6).map(|axis| Unknown::Tool { axis }));
@@ -92,17 +136,25 @@ pub(crate) fn placement(problem: &Problem) -> Vec<Unknown> {
 
 /// Unknowns of geometry and placement, in order of priority.
 pub fn geometry(problem: &Problem, calibration: &Calibration) -> Vec<Unknown> {
-    with_joints(problem, &calibration.structure)
+    let arm = &calibration.nominal.arm;
+    let structure = &calibration.structure;
+    let never = Shown::by(arm, &problem.identify).never(arm, structure);
+    with_joints(problem, structure, &never)
 }
 
-fn with_joints(problem: &Problem, structure: &Structure) -> Vec<Unknown> {
+fn with_joints(
+    problem: &Problem,
+    structure: &Structure,
+    never: &[(Unknown, String)],
+) -> Vec<Unknown> {
     // A tool that is a combination of other parameters, as its height is where all axes are
     // nearly parallel, must not take the place of one of those.
     let told = |unknown: &Unknown| structure.dropped.iter().any(|(u, _)| u == unknown);
     let (last, mut candidates): (Vec<Unknown>, Vec<Unknown>) =
         placement(problem).into_iter().partition(told);
     for unknown in structure.unknowns.iter().chain(&last) {
-        if !candidates.contains(unknown) {
+        let hopeless = never.iter().any(|(u, _)| u == unknown);
+        if !hopeless && !candidates.contains(unknown) {
             candidates.push(*unknown);
         }
     }
@@ -129,6 +181,9 @@ pub fn align(problem: &Problem) -> Result<Stage, Failure> {
         let mut arm = problem.drawing.clone();
         arm.targets = problem.target_offsets.clone();
         first_guess(&mut arm, &observations, guess, problem.sessions.len());
+        if problem.targets_known {
+            turn_tool_to_poses(&mut arm, &observations);
+        }
         let (fit, _) = fit(
             &mut arm,
             &candidates,
@@ -139,8 +194,12 @@ pub fn align(problem: &Problem) -> Result<Stage, Failure> {
         let better = best.as_ref().is_none_or(|b| fit.cost < b.fit.cost);
         if better && fit.cost.is_finite() {
             let stage = Stage { arm, fit };
-            // A drawing is right to a few millimetres; then no other guess is needed.
-            let good = typical_distance(&stage, &observations) < 0.01;
+            // A drawing is right to a few millimetres; then no other guess is needed. The
+            // cost bounds the distances of tool points without another look at all rows.
+            let every = observations.iter().all(|o| o.position.is_some());
+            let mean_square = stage.fit.cost / observations.len().max(1) as f64;
+            let bound = problem.sigmas.position * mean_square.sqrt();
+            let good = every && bound < 0.007 || typical_distance(&stage, &observations) < 0.01;
             best = Some(stage);
             if good {
                 break;
@@ -177,32 +236,43 @@ fn check(problem: &Problem) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Where the targets are free, they do not show the tool's turn; the drawing of theirs does.
+fn turn_tool(arm: &mut ArmModel, problem: &Problem) {
+    if !problem.targets_known {
+        turn_tool_to_targets(arm, &problem.target_offsets);
+    }
+}
+
 /// Identifies the arm's geometry, and the problem's effects with it.
 pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
     let equations: usize = problem.identify.iter().map(Observation::equations).sum();
     let all: Vec<&Observation> = problem.identify.iter().collect();
     check(problem)?;
     let mut nominal = align(problem)?;
-    turn_tool_to_targets(&mut nominal.arm, &problem.target_offsets);
+    turn_tool(&mut nominal.arm, problem);
 
     let structure = structure(&nominal.arm, problem.sigmas);
-    let mut candidates = with_joints(problem, &structure);
+    let shown = Shown::by(&nominal.arm, &problem.identify);
+    let never = shown.never(&nominal.arm, &structure);
+    let mut candidates = with_joints(problem, &structure, &never);
     if equations < candidates.len() {
         return Err(Failure::TooFewEquations(equations, candidates.len()));
     }
 
     // Gross rows first spoil the fit that shows them: leave out, fit, look at all rows again.
+    // A robust loss does that by itself.
+    let method = &problem.method;
     let mut kept_rows = all.clone();
     let mut left_out: Vec<usize> = Vec::new();
     let mut geometric = nominal.arm.clone();
-    let (mut solved, mut dropped) = fit(
-        &mut geometric,
-        &candidates,
-        &kept_rows,
-        problem.sigmas,
-        Prior::None,
-    );
+    let fit = |arm: &mut ArmModel, candidates: &[Unknown], rows: &[&Observation]| {
+        method.fit(arm, &nominal.arm, candidates, rows, problem.sigmas)
+    };
+    let mut fitted = fit(&mut geometric, &candidates, &kept_rows);
     for _ in 0..5 {
+        if method.loss != Loss::Square {
+            break;
+        }
         let worst = gross(&geometric, &all, problem.sigmas);
         if worst == left_out {
             break;
@@ -212,21 +282,17 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
             .map(|i| all[i])
             .collect();
         left_out = worst;
-        (solved, dropped) = fit(
-            &mut geometric,
-            &candidates,
-            &kept_rows,
-            problem.sigmas,
-            Prior::None,
-        );
+        fitted = fit(&mut geometric, &candidates, &kept_rows);
     }
-    turn_tool_to_targets(&mut geometric, &problem.target_offsets);
-    if !solved.converged {
-        return Err(Failure::NotConverged(solved.variance().sqrt()));
-    }
+    turn_tool(&mut geometric, problem);
+    let settled = |fitted: &Fitted| match fitted.solved.converged {
+        true => Ok(()),
+        false => Err(Failure::NotConverged(fitted.solved.variance().sqrt())),
+    };
+    settled(&fitted)?;
     let geometric = Stage {
         arm: geometric,
-        fit: solved,
+        fit: fitted.solved.clone(),
     };
     let complete = if problem.effects.is_empty() {
         geometric.clone()
@@ -241,29 +307,33 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
                 (0..e.model().values().len()).map(|value| Unknown::Effect { effect, value }),
             );
         }
-        let (fit, also) = fit(
-            &mut arm,
-            &with_effects,
-            &kept_rows,
-            problem.sigmas,
-            Prior::None,
-        );
-        if !fit.converged {
-            return Err(Failure::NotConverged(fit.variance().sqrt()));
-        }
-        turn_tool_to_targets(&mut arm, &problem.target_offsets);
+        fitted = fit(&mut arm, &with_effects, &kept_rows);
+        settled(&fitted)?;
+        turn_tool(&mut arm, problem);
         candidates = with_effects;
-        dropped = also;
-        Stage { arm, fit }
+        Stage {
+            arm,
+            fit: fitted.solved.clone(),
+        }
     };
-    let statuses = statuses(&complete, &structure, &candidates, &dropped);
+    let mut statuses = statuses(&complete, &structure, &candidates, &fitted.dropped, &shown);
+    for (unknown, why) in never {
+        statuses.retain(|(u, _)| *u != unknown);
+        statuses.push((unknown, Status::Fixed(why)));
+    }
+    statuses.sort_by_key(|(u, _)| order(u));
+    let distrusted = fitted.outliers.iter().filter(|o| o.weight <= 0.0);
+    let mut rejected: Vec<usize> = distrusted.map(|o| o.row).collect();
+    rejected.extend(left_out.iter().map(|&i| all[i].row));
     Ok(Calibration {
         nominal,
         geometric,
         complete,
         structure,
         statuses,
-        rejected: left_out.iter().map(|&i| all[i].row).collect(),
+        rejected,
+        outliers: fitted.outliers,
+        innovations: fitted.innovations,
     })
 }
 
@@ -285,6 +355,7 @@ pub(crate) fn statuses(
     structure: &Structure,
     candidates: &[Unknown],
     dropped: &[(Unknown, Dropped)],
+    shown: &Shown,
 ) -> Vec<(Unknown, Status)> {
     let arm = &stage.arm;
     let mut statuses: Vec<(Unknown, Status)> = Vec::new();
@@ -297,7 +368,13 @@ pub(crate) fn statuses(
     };
     for unknown in candidates {
         let status = match dropped.iter().find(|(u, _)| u == unknown) {
-            Some((_, why)) => reason(why, candidates, "these measurements"),
+            Some((_, why)) => {
+                let status = reason(why, candidates, "these measurements");
+                match shown.because(unknown) {
+                    Some(because) => status.explained(&because),
+                    None => status,
+                }
+            }
             None => Status::Identified,
         };
         statuses.push((*unknown, status));
@@ -331,15 +408,22 @@ pub(crate) fn statuses(
             )),
         ));
     }
-    let order = |u: &Unknown| match *u {
+    statuses.sort_by_key(|(u, _)| order(u));
+    statuses
+}
+
+/// Place of an unknown in reports.
+fn order(u: &Unknown) -> (usize, usize, usize) {
+    match *u {
         Unknown::Base { session, axis } => (0, session, axis),
         Unknown::Joint(j, p) => (1, j, p as usize),
         Unknown::Tool { axis } => (2, 0, axis),
         Unknown::Target { target, axis } => (3, target, axis),
         Unknown::Anchor { axis } => (4, 0, axis),
-        Unknown::Effect { effect, value } => (5, effect, value),
-        Unknown::EarlyReading => (6, 0, 0),
-    };
-    statuses.sort_by_key(|(u, _)| order(u));
-    statuses
+        Unknown::Point { point, axis } => (5, point, axis),
+        Unknown::Plane { plane, value } => (6, plane, value),
+        Unknown::Station { station, axis } => (7, station, axis),
+        Unknown::Effect { effect, value } => (8, effect, value),
+        Unknown::EarlyReading => (9, 0, 0),
+    }
 }

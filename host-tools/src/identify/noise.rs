@@ -5,6 +5,7 @@ use super::arm::ArmModel;
 use super::linearize::{linearize, residuals};
 use super::observation::{Observation, Sigmas};
 use super::problem::Problem;
+use super::relation::Relation;
 use super::solve::{BLOCK, Solved};
 
 /// Residual of one kind of measurement.
@@ -41,6 +42,12 @@ pub struct Components {
     pub orientation: Component,
     /// Lengths.
     pub length: Component,
+    /// Distances between two poses.
+    pub distance: Component,
+    /// Touches of points and planes.
+    pub contact: Component,
+    /// Bearings.
+    pub bearing: Component,
 }
 
 impl Components {
@@ -57,6 +64,14 @@ impl Components {
         next(&mut self.orientation, 3 * usize::from(o.rotation.is_some()));
         next(&mut self.position, 3 * o.targets.iter().flatten().count());
         next(&mut self.length, usize::from(o.length.is_some()));
+        for relation in &o.relations {
+            let component = match relation {
+                Relation::Distance { .. } => &mut self.distance,
+                Relation::Point { .. } | Relation::Plane { .. } => &mut self.contact,
+                Relation::Bearing { .. } => &mut self.bearing,
+            };
+            next(component, relation.equations());
+        }
     }
 }
 

@@ -6,9 +6,11 @@ use nalgebra::Vector3;
 use truepose::effects::Effect;
 
 use super::arm::ArmModel;
+use super::method::Method;
 use super::observation::{Observation, Sigmas};
+use super::relation::Relation;
 use crate::description::Robot;
-use crate::measurement::{Dataset, Row, Set};
+use crate::measurement::{Dataset, Noise, Row, Set};
 
 /// Noise assumed where the file declares none: a good laser tracker's.
 pub const ASSUMED: Sigmas = Sigmas {
@@ -16,6 +18,12 @@ pub const ASSUMED: Sigmas = Sigmas {
     orientation: 0.02 * std::f64::consts::PI / 180.0,
     length: 5e-5,
 };
+
+/// Noise of a touch assumed where the file declares none, m: a good arm's repeatability.
+pub const ASSUMED_CONTACT: f64 = 5e-5;
+
+/// Noise of a bearing assumed where the file declares none, rad: a good theodolite's.
+pub const ASSUMED_BEARING: f64 = 1e-5;
 
 /// Which columns the joints are taken from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,10 +47,20 @@ pub struct Problem {
     pub sigmas: Sigmas,
     /// Placements of the instrument: the numbers in the column `session`, in rising order.
     pub sessions: Vec<i64>,
+    /// Fixed points that are touched: the numbers in the column `point`, in rising order.
+    pub points: Vec<i64>,
+    /// Fixed planes that are touched: the numbers in the column `plane`, in rising order.
+    pub planes: Vec<i64>,
+    /// Stations that bearings are taken from.
+    pub stations: usize,
     /// Drawn offsets of further targets in the tool frame, m.
     pub target_offsets: Vec<Vector3<f64>>,
+    /// The offsets are known, not first guesses: a calibrated tool (MRD 6.2).
+    pub targets_known: bool,
     /// Effects to identify together with the geometry.
     pub effects: Vec<Effect<'static, f64>>,
+    /// How to look for the parameters.
+    pub method: Method,
 }
 
 impl Problem {
@@ -53,19 +71,51 @@ impl Problem {
         joints: Joints,
         effects: Vec<Effect<'static, f64>>,
     ) -> Self {
-        let mut numbers = BTreeMap::new();
-        for row in &data.rows {
-            numbers.insert(row.session.unwrap_or(0), 0);
-        }
-        for (index, place) in numbers.values_mut().enumerate() {
-            *place = index;
-        }
+        let numbers = places(data.rows.iter().map(|row| row.session.unwrap_or(0)));
+        let points = places(data.rows.iter().filter_map(|row| row.relations.point));
+        let planes = places(data.rows.iter().filter_map(|row| row.relations.plane));
+        let labels = Labels {
+            noise: data.noise,
+            points: &points,
+            planes: &planes,
+        };
         let (mut identify, mut verify) = (Vec::new(), Vec::new());
         let mut before: Option<&[f64]> = None;
+        // rows that wait for the other of their pair
+        let mut waiting: BTreeMap<i64, (Observation, Option<f64>)> = BTreeMap::new();
         for row in &data.rows {
             let session = numbers.get(&row.session.unwrap_or(0)).copied().unwrap_or(0);
-            let observation = observation(row, before, session, joints);
+            let mut observation = observation(row, before, session, joints);
             before = Some(&row.q);
+            observation.relations = labels.relations(row);
+            if let Some(pair) = row.relations.pair {
+                match waiting.remove(&pair) {
+                    Some(first) => {
+                        let distance = row.relations.distance.or(first.1);
+                        if let Some(distance) = distance {
+                            observation.relations.push(Relation::Distance {
+                                to: Box::new(first.0),
+                                distance,
+                                sigma: data.noise.distance.unwrap_or(ASSUMED.length),
+                            });
+                        }
+                    }
+                    None => {
+                        let posture = Observation {
+                            position: None,
+                            rotation: None,
+                            targets: Vec::new(),
+                            length: None,
+                            relations: Vec::new(),
+                            ..observation.clone()
+                        };
+                        waiting.insert(pair, (posture, row.relations.distance));
+                    }
+                }
+            }
+            if observation.equations() == 0 && row.relations.pair.is_some() {
+                continue;
+            }
             match row.set {
                 Set::Identify => identify.push(observation),
                 Set::Verify => verify.push(observation),
@@ -87,14 +137,72 @@ impl Problem {
                 length: data.noise.length.unwrap_or(ASSUMED.length),
             },
             sessions: numbers.into_keys().collect(),
+            points: points.into_keys().collect(),
+            planes: planes.into_keys().collect(),
+            stations: data
+                .rows
+                .iter()
+                .map(|row| row.relations.bearings.len())
+                .max()
+                .unwrap_or(0),
             target_offsets: data
                 .target_offsets
                 .iter()
                 .copied()
                 .map(Vector3::from)
                 .collect(),
+            targets_known: data.targets_known,
             effects,
+            method: Method::default(),
         }
+    }
+}
+
+/// Distinct numbers in rising order, each with its place.
+fn places(numbers: impl Iterator<Item = i64>) -> BTreeMap<i64, usize> {
+    let mut places: BTreeMap<i64, usize> = numbers.map(|n| (n, 0)).collect();
+    for (index, place) in places.values_mut().enumerate() {
+        *place = index;
+    }
+    places
+}
+
+/// What turns labels of the file into places.
+struct Labels<'a> {
+    noise: Noise,
+    points: &'a BTreeMap<i64, usize>,
+    planes: &'a BTreeMap<i64, usize>,
+}
+
+impl Labels<'_> {
+    /// Of one row, distances aside.
+    fn relations(&self, row: &Row) -> Vec<Relation> {
+        let touch = self.noise.contact.unwrap_or(ASSUMED_CONTACT);
+        let r = &row.relations;
+        let mut relations = Vec::new();
+        if let Some(&point) = r.point.and_then(|n| self.points.get(&n)) {
+            relations.push(Relation::Point {
+                point,
+                sigma: touch,
+            });
+        }
+        if let Some(&plane) = r.plane.and_then(|n| self.planes.get(&n)) {
+            relations.push(Relation::Plane {
+                plane,
+                sigma: touch,
+            });
+        }
+        for (station, bearing) in r.bearings.iter().enumerate() {
+            if let Some([azimuth, elevation]) = *bearing {
+                relations.push(Relation::Bearing {
+                    station,
+                    azimuth,
+                    elevation,
+                    sigma: self.noise.bearing.unwrap_or(ASSUMED_BEARING),
+                });
+            }
+        }
+        relations
     }
 }
 
@@ -114,6 +222,7 @@ fn observation(row: &Row, before: Option<&[f64]>, session: usize, joints: Joints
         rotation: row.pose().map(|p| p.rotation),
         targets: row.targets.iter().map(|t| t.map(Vector3::from)).collect(),
         length: row.length,
+        ..Observation::default()
     }
 }
 

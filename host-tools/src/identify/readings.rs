@@ -2,6 +2,7 @@
 
 use truepose::effects::Effect;
 
+use super::method::Method;
 use super::observation::Observation;
 use super::problem::{Joints, Problem};
 use super::solve::misfit;
@@ -41,13 +42,27 @@ pub fn identify_file(
     data: &Dataset,
     effects: Vec<Effect<'static, f64>>,
 ) -> Result<Identified, Failure> {
+    identify_file_by(robot, data, effects, Method::default())
+}
+
+/// The same by a method of choice; which joint values the rows prefer is found by the usual
+/// one.
+pub fn identify_file_by(
+    robot: &Robot,
+    data: &Dataset,
+    effects: Vec<Effect<'static, f64>>,
+    method: Method,
+) -> Result<Identified, Failure> {
     let (joints, comparison) = if data.available.command {
         let (joints, comparison) = prefer(robot, data)?;
         (joints, Some(comparison))
     } else {
         (Joints::Readings, None)
     };
-    let problem = Problem::new(robot, data, joints, effects);
+    let problem = Problem {
+        method,
+        ..Problem::new(robot, data, joints, effects)
+    };
     Ok(Identified {
         calibration: identify(&problem)?,
         problem,

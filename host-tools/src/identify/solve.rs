@@ -1,20 +1,21 @@
 //! Gauss-Newton with Levenberg-Marquardt damping on scaled columns.
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 use super::arm::ArmModel;
-use super::factor::{Dropped, Preconditioner, Selection, Triangle, select};
-use super::linearize::{Linear, linearize, residuals};
+use super::factor::{Dropped, Selection, Triangle};
+use super::linearize::residuals;
+use super::normal::{Linearised, Normal};
 use super::observation::{Observation, Sigmas};
-use super::unknown::{Unknown, apply, largest};
+use super::prior::Prior;
+use super::unknown::{Unknown, apply};
 
 /// A direction counts as seen when a change by its expected deviation moves the whole data
 /// by at least this many standard deviations; below, the data say less than the drawing.
 pub const VISIBLE: f64 = 0.5;
 
 /// A column is another's combination when less than this share of it is left over.
-const RELATIVE: f64 = 1e-9;
+pub(super) const RELATIVE: f64 = 1e-9;
 
 /// Observations linearised at once: memory stays bounded for any number of rows. Sums are
 /// taken over whole blocks in their order, so no result depends on the number of threads.
@@ -61,164 +62,8 @@ impl Solved {
     }
 }
 
-/// Does `work` on the linearisation of every block and folds the results in their order.
-fn over_blocks<R: Send>(
-    at: &Linearised<'_>,
-    observations: &[&Observation],
-    work: impl Fn(Linear) -> R + Sync,
-    mut fold: impl FnMut(R),
-) {
-    let each =
-        |block: &[&Observation]| work(linearize(at.arm, at.unknowns, at.scales, block, at.sigmas));
-    if observations.len() <= BLOCK {
-        fold(each(observations));
-        return;
-    }
-    let results: Vec<R> = observations.par_chunks(BLOCK).map(each).collect();
-    results.into_iter().for_each(fold);
-}
-
-/// What is linearised, and where.
-#[derive(Clone, Copy)]
-struct Linearised<'a> {
-    arm: &'a ArmModel,
-    unknowns: &'a [Unknown],
-    scales: &'a [f64],
-    sigmas: Sigmas,
-}
-
-/// Normal equations of all blocks, for the iterations only.
-struct Normal {
-    matrix: DMatrix<f64>,
-    gradient: DVector<f64>,
-    cost: f64,
-    /// The block itself, where there is only one.
-    only: Option<Linear>,
-}
-
-impl Normal {
-    fn new(at: &Linearised<'_>, observations: &[&Observation]) -> Self {
-        let n = at.unknowns.len();
-        let mut sum = Self {
-            matrix: DMatrix::zeros(n, n),
-            gradient: DVector::zeros(n),
-            cost: 0.0,
-            only: None,
-        };
-        let single = observations.len() <= BLOCK;
-        over_blocks(
-            at,
-            observations,
-            |linear| {
-                let transposed = linear.jacobian.transpose();
-                let matrix = &transposed * &linear.jacobian;
-                let gradient = &transposed * &linear.residual;
-                let cost = linear.residual.norm_squared();
-                (matrix, gradient, cost, single.then_some(linear))
-            },
-            |(matrix, gradient, cost, linear)| {
-                sum.matrix += matrix;
-                sum.gradient += gradient;
-                sum.cost += cost;
-                sum.only = linear;
-            },
-        );
-        sum
-    }
-
-    /// Which columns the observations can tell apart: orthogonal columns decide, except where
-    /// the normal equations already prove that all of them do.
-    fn selection(&self, at: &Linearised<'_>, observations: &[&Observation]) -> Selection {
-        if Preconditioner::new(&self.matrix).is_some_and(|p| p.keeps_all(VISIBLE, RELATIVE)) {
-            return Selection {
-                kept: (0..at.unknowns.len()).collect(),
-                dropped: Vec::new(),
-            };
-        }
-        select(
-            &self.triangle(at, observations, Prior::None).r,
-            VISIBLE,
-            RELATIVE,
-        )
-    }
-
-    /// The same for some of the unknowns.
-    fn of(self, kept: &[usize]) -> Self {
-        if kept.len() == self.gradient.len() {
-            return self;
-        }
-        Self {
-            matrix: self.matrix.select_rows(kept).select_columns(kept),
-            gradient: self.gradient.select_rows(kept),
-            cost: self.cost,
-            only: self.only.map(|linear| Linear {
-                jacobian: linear.jacobian.select_columns(kept),
-                residual: linear.residual,
-            }),
-        }
-    }
-
-    /// Orthogonal factorisation of the same Jacobian, `prior` being what has been added.
-    fn triangle(
-        &self,
-        at: &Linearised<'_>,
-        observations: &[&Observation],
-        prior: Prior,
-    ) -> Triangle {
-        let prior = prior.rows(at);
-        if let Some(first) = Preconditioner::new(&self.matrix)
-            && let Some(triangle) = self.second_round(&first, at, observations, prior.as_ref())
-        {
-            return triangle;
-        }
-        let mut triangle = Triangle::new(at.unknowns.len());
-        match &self.only {
-            Some(linear) => triangle.push(&linear.jacobian, &linear.residual),
-            None => {
-                for block in observations.chunks(BLOCK) {
-                    let linear = linearize(at.arm, at.unknowns, at.scales, block, at.sigmas);
-                    triangle.push(&linear.jacobian, &linear.residual);
-                }
-            }
-        }
-        if let Some(rows) = &prior {
-            triangle.push(&rows.jacobian, &rows.residual);
-        }
-        triangle
-    }
-
-    fn second_round(
-        &self,
-        first: &Preconditioner,
-        at: &Linearised<'_>,
-        observations: &[&Observation],
-        prior: Option<&Linear>,
-    ) -> Option<Triangle> {
-        let products = |linear: &Linear| {
-            let whitened = first.whitened(&linear.jacobian);
-            let transposed = whitened.transpose();
-            let gram = &transposed * whitened;
-            (gram, transposed * &linear.residual)
-        };
-        let n = at.unknowns.len();
-        let (mut gram, mut projected) = (DMatrix::zeros(n, n), DVector::zeros(n));
-        let mut add = |(g, p): (DMatrix<f64>, DVector<f64>)| {
-            gram += g;
-            projected += p;
-        };
-        match &self.only {
-            Some(linear) => add(products(linear)),
-            None => over_blocks(at, observations, |linear| products(&linear), &mut add),
-        }
-        if let Some(rows) = prior {
-            add(products(rows));
-        }
-        first.triangle(&gram, &projected)
-    }
-}
-
 /// The unit of each column.
-fn scales(arm: &ArmModel, unknowns: &[Unknown]) -> Vec<f64> {
+pub(super) fn scales(arm: &ArmModel, unknowns: &[Unknown]) -> Vec<f64> {
     unknowns.iter().map(|u| u.expected(arm)).collect()
 }
 
@@ -240,61 +85,6 @@ pub fn distinguishable(
     Normal::new(&at, observations).selection(&at, observations)
 }
 
-/// Whether effects have a prior.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Prior {
-    /// Data alone.
-    None,
-    /// Values of effects are expected within what machines have, as one more measurement
-    /// each (linear minimum variance, MRD 4.3.2): what the data do not show stays small.
-    Effects,
-}
-
-impl Prior {
-    /// Standard deviation expected of an unknown, in its unit.
-    fn deviation(self, unknown: Unknown, arm: &ArmModel) -> Option<f64> {
-        match (self, unknown) {
-            (Self::Effects, Unknown::Effect { .. } | Unknown::EarlyReading) => {
-                Some(0.5 * largest(unknown.unit(arm)))
-            }
-            _ => None,
-        }
-    }
-
-    /// Adds the prior's share to the normal equations.
-    fn add(self, normal: &mut Normal, arm: &ArmModel, unknowns: &[Unknown], scales: &[f64]) {
-        for (k, (unknown, scale)) in unknowns.iter().zip(scales).enumerate() {
-            if let Some(deviation) = self.deviation(*unknown, arm) {
-                let value = unknown.value(arm) / deviation;
-                normal.matrix[(k, k)] += (scale / deviation).powi(2);
-                normal.gradient[k] -= value * scale / deviation;
-                normal.cost += value * value;
-            }
-        }
-    }
-
-    /// The same as rows of the Jacobian and the residual.
-    fn rows(self, at: &Linearised<'_>) -> Option<Linear> {
-        let rows: Vec<(usize, f64, f64)> = at
-            .unknowns
-            .iter()
-            .zip(at.scales)
-            .enumerate()
-            .filter_map(|(k, (unknown, scale))| {
-                let deviation = self.deviation(*unknown, at.arm)?;
-                Some((k, scale / deviation, -unknown.value(at.arm) / deviation))
-            })
-            .collect();
-        let mut jacobian = DMatrix::zeros(rows.len(), at.unknowns.len());
-        let mut residual = DVector::zeros(rows.len());
-        for (i, (k, weight, value)) in rows.iter().enumerate() {
-            jacobian[(i, *k)] = *weight;
-            residual[i] = *value;
-        }
-        (!rows.is_empty()).then_some(Linear { jacobian, residual })
-    }
-}
-
 /// Fits `unknowns`, all of which the observations must be able to tell apart. On return `arm`
 /// holds the solution.
 pub fn solve(
@@ -302,7 +92,7 @@ pub fn solve(
     unknowns: &[Unknown],
     observations: &[&Observation],
     sigmas: Sigmas,
-    prior: Prior,
+    prior: Prior<'_>,
 ) -> Solved {
     let scales = scales(arm, unknowns);
     let at = Linearised {
@@ -322,8 +112,100 @@ pub fn fit(
     candidates: &[Unknown],
     observations: &[&Observation],
     sigmas: Sigmas,
-    prior: Prior,
+    prior: Prior<'_>,
 ) -> (Solved, Vec<(Unknown, Dropped)>) {
+    let (unknowns, scales, start, dropped) = begin(arm, candidates, observations, sigmas);
+    let fit = descend(arm, &unknowns, scales, start, observations, sigmas, prior);
+    (fit, dropped)
+}
+
+/// The same without damping: full steps, each from an orthogonal factorisation, until they
+/// vanish. Does not converge where the model is far from linear.
+pub(super) fn fit_undamped(
+    arm: &mut ArmModel,
+    candidates: &[Unknown],
+    observations: &[&Observation],
+    sigmas: Sigmas,
+    prior: Prior<'_>,
+) -> (Solved, Vec<(Unknown, Dropped)>) {
+    let (unknowns, scales, mut here, dropped) = begin(arm, candidates, observations, sigmas);
+    let mut iterations = 1;
+    let mut converged = false;
+    loop {
+        let at = Linearised {
+            arm,
+            unknowns: &unknowns,
+            scales: &scales,
+            sigmas,
+        };
+        here.add(&at, prior);
+        let triangle = here.triangle(&at, observations, prior);
+        let Some(step) = triangle.step() else { break };
+        let promised = triangle.z.norm_squared();
+        let enough = promised <= enough(here.cost);
+        let step: Vec<f64> = step.iter().zip(&scales).map(|(x, s)| x * s).collect();
+        apply(arm, &unknowns, &step);
+        if enough || iterations >= MAX_ITERATIONS || !promised.is_finite() {
+            converged = enough;
+            break;
+        }
+        let at = Linearised {
+            arm,
+            unknowns: &unknowns,
+            scales: &scales,
+            sigmas,
+        };
+        here = Normal::new(&at, observations);
+        iterations += 1;
+    }
+    let fit = at_solution(
+        arm,
+        &unknowns,
+        observations,
+        sigmas,
+        prior,
+        iterations,
+        converged,
+    );
+    (fit, dropped)
+}
+
+/// What the arm as it is says of its uncertainty.
+pub(super) fn at_solution(
+    arm: &ArmModel,
+    unknowns: &[Unknown],
+    observations: &[&Observation],
+    sigmas: Sigmas,
+    prior: Prior<'_>,
+    iterations: usize,
+    converged: bool,
+) -> Solved {
+    let scales = scales(arm, unknowns);
+    let at = Linearised {
+        arm,
+        unknowns,
+        scales: &scales,
+        sigmas,
+    };
+    let here = Normal::new(&at, observations);
+    let equations = observations.iter().map(|o| o.equations()).sum();
+    // the data's share alone
+    let cost = here.cost;
+    let mut with = here;
+    with.add(&at, prior);
+    let triangle = with.triangle(&at, observations, prior);
+    triangle.solved(unknowns, &scales, cost, equations, iterations, converged)
+}
+
+/// Unknowns that can be told apart, their scales, the normal equations, and the others.
+type Beginning = (Vec<Unknown>, Vec<f64>, Normal, Vec<(Unknown, Dropped)>);
+
+fn begin(
+    arm: &ArmModel,
+    candidates: &[Unknown],
+    observations: &[&Observation],
+    sigmas: Sigmas,
+) -> Beginning {
     let scales = scales(arm, candidates);
     let at = Linearised {
         arm,
@@ -335,13 +217,11 @@ pub fn fit(
     let Selection { kept, dropped } = start.selection(&at, observations);
     let unknowns: Vec<Unknown> = kept.iter().map(|&k| candidates[k]).collect();
     let scales = kept.iter().map(|&k| scales[k]).collect();
-    let start = start.of(&kept);
-    let fit = descend(arm, &unknowns, scales, start, observations, sigmas, prior);
     let dropped = dropped
         .into_iter()
         .map(|(k, why)| (candidates[k], why))
         .collect();
-    (fit, dropped)
+    (unknowns, scales, start.of(&kept), dropped)
 }
 
 /// Iterates from `start`, which is `arm` as it is.
@@ -352,13 +232,22 @@ fn descend(
     start: Normal,
     observations: &[&Observation],
     sigmas: Sigmas,
-    prior: Prior,
+    prior: Prior<'_>,
 ) -> Solved {
     let mut here = start;
-    prior.add(&mut here, arm, unknowns, &scales);
+    here.add(
+        &Linearised {
+            arm,
+            unknowns,
+            scales: &scales,
+            sigmas,
+        },
+        prior,
+    );
     let mut damping = 0.0_f64;
     let mut iterations = 1;
     let mut converged = false;
+    let equations: usize = observations.iter().map(|o| o.equations()).sum();
     let scaled = |step: &DVector<f64>| -> Vec<f64> {
         step.iter().zip(&scales).map(|(x, s)| x * s).collect()
     };
@@ -375,12 +264,19 @@ fn descend(
             continue;
         };
         let step = factor.solve(&here.gradient);
-        // What the linear model promises, in units of the noise squared: a ten-thousandth of one
-        // standard deviation in all, and the last step leaves the square of that.
+        // What the linear model promises, in units of the noise squared.
         let promised = step.dot(&here.gradient);
-        if promised <= 1e-8_f64.max(1e-13 * here.cost) {
+        if promised <= enough(here.cost) {
             converged = true;
             break;
+        }
+        let near = iterations > 1 && promised <= NEAR * equations as f64;
+        if near && let Some(end) = chord(arm, unknowns, &scales, &here, observations, sigmas, prior)
+        {
+            *arm = end.arm;
+            return end
+                .triangle
+                .solved(unknowns, &scales, end.cost, equations, iterations, true);
         }
         let mut there_arm = arm.clone();
         apply(&mut there_arm, unknowns, &scaled(&step));
@@ -391,7 +287,7 @@ fn descend(
             sigmas,
         };
         let mut there = Normal::new(&at, observations);
-        prior.add(&mut there, &there_arm, unknowns, &scales);
+        there.add(&at, prior);
         iterations += 1;
         if there.cost <= here.cost {
             *arm = there_arm;
@@ -424,22 +320,105 @@ fn descend(
         cost = residuals(&polished, observations, sigmas).norm_squared();
         *arm = polished;
     }
-    let mut covariance = last
-        .covariance()
-        .unwrap_or_else(|| DMatrix::zeros(unknowns.len(), unknowns.len()));
-    for (j, mut column) in covariance.column_iter_mut().enumerate() {
-        for (x, scale) in column.iter_mut().zip(&scales) {
-            *x *= scale * scales[j];
+    last.solved(unknowns, &scales, cost, equations, iterations, converged)
+}
+
+/// What a step may still promise when the iterations are at their end, of a fit that costs
+/// `cost`. In units of the noise squared: a ten-thousandth of one standard deviation in all,
+/// and the last step leaves the square of that. Where the model is far from the
+/// measurements, the same of what it leaves.
+fn enough(cost: f64) -> f64 {
+    1e-8_f64.max(1e-11 * cost)
+}
+
+/// A step that promises less than this an equation is so short that the Jacobian is the same
+/// after it, to a few thousandths.
+const NEAR: f64 = 1e-2;
+
+/// Where [`chord`] came to.
+struct End {
+    arm: ArmModel,
+    triangle: Triangle,
+    cost: f64,
+}
+
+/// The last steps with one factorisation of the Jacobian, that of `here`: each leaves a few
+/// thousandths of the one before (chord method; Dennis and Schnabel 1983, 6.2). `None` where
+/// they do not shrink so, or where the Jacobian was too large to be kept.
+fn chord(
+    arm: &ArmModel,
+    unknowns: &[Unknown],
+    scales: &[f64],
+    here: &Normal,
+    observations: &[&Observation],
+    sigmas: Sigmas,
+    prior: Prior<'_>,
+) -> Option<End> {
+    let linear = here.only.as_ref().filter(|_| prior.is_none())?;
+    let at = Linearised {
+        arm,
+        unknowns,
+        scales,
+        sigmas,
+    };
+    let triangle = here.triangle(&at, observations, prior);
+    let mut there = arm.clone();
+    let scaled =
+        |step: &DVector<f64>| -> Vec<f64> { step.iter().zip(scales).map(|(x, s)| x * s).collect() };
+    let mut step = triangle.step()?;
+    let mut before = f64::INFINITY;
+    loop {
+        apply(&mut there, unknowns, &scaled(&step));
+        let residual = residuals(&there, observations, sigmas);
+        let cost = residual.norm_squared();
+        let gradient = linear.jacobian.tr_mul(&residual);
+        step = triangle.step_along(&gradient)?;
+        let promised = step.dot(&gradient);
+        if cost > here.cost {
+            return None;
         }
+        if promised <= enough(cost) {
+            apply(&mut there, unknowns, &scaled(&step));
+            return Some(End {
+                arm: there,
+                triangle,
+                cost: (cost - promised).max(0.0),
+            });
+        }
+        if promised.is_nan() || promised > 1e-2 * before {
+            return None;
+        }
+        before = promised;
     }
-    Solved {
-        unknowns: unknowns.to_vec(),
-        covariance,
-        triangle: last.r,
-        cost,
-        equations: observations.iter().map(|o| o.equations()).sum(),
-        iterations,
-        converged,
+}
+
+impl Triangle {
+    fn solved(
+        self,
+        unknowns: &[Unknown],
+        scales: &[f64],
+        cost: f64,
+        equations: usize,
+        iterations: usize,
+        converged: bool,
+    ) -> Solved {
+        let mut covariance = self
+            .covariance()
+            .unwrap_or_else(|| DMatrix::zeros(unknowns.len(), unknowns.len()));
+        for (column, by) in covariance.column_iter_mut().zip(scales) {
+            for (x, scale) in column.into_iter().zip(scales) {
+                *x *= scale * by;
+            }
+        }
+        Solved {
+            unknowns: unknowns.to_vec(),
+            covariance,
+            triangle: self.r,
+            cost,
+            equations,
+            iterations,
+            converged,
+        }
     }
 }
 

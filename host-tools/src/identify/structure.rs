@@ -8,11 +8,10 @@
 //! moves without bound as the axes come parallel.
 
 use nalgebra::{DMatrix, Vector3};
-use truepose::effects::Ambient;
 use truepose::{Convention, JointKind, Parameter, Pose};
 
 use super::arm::ArmModel;
-use super::factor::{Dropped, Selection, select};
+use super::factor::{Dropped, Selection, select_in_turns};
 use super::linearize::linearize;
 use super::observation::{Observation, Sigmas};
 use super::unknown::Unknown;
@@ -116,7 +115,8 @@ pub fn structure(arm: &ArmModel, sigmas: Sigmas) -> Structure {
             candidates.push(beta);
         }
     }
-    let poses = generic_poses(arm, 12);
+    // six equations a pose, and half a dozen more than there are candidates
+    let poses = generic_poses(arm, candidates.len() / 6 + 2);
     let references: Vec<&Observation> = poses.iter().collect();
     let scales = vec![1.0; candidates.len()];
     let unit = Sigmas {
@@ -128,12 +128,7 @@ pub fn structure(arm: &ArmModel, sigmas: Sigmas) -> Structure {
     // Columns are of order one per pose; dependent ones leave rounding. What is nearly
     // another's combination, as lengths along nearly parallel axes are, must not take the place
     // of what is not: it is asked last.
-    let clear = select(&linear.jacobian, 1e-9, CLEAR);
-    let rest = (0..candidates.len()).filter(|k| !clear.kept.contains(k));
-    let order: Vec<usize> = clear.kept.iter().copied().chain(rest).collect();
-    let candidates: Vec<Unknown> = order.iter().map(|&k| candidates[k]).collect();
-    let jacobian = linear.jacobian.select_columns(&order);
-    let Selection { kept, dropped } = select(&jacobian, 1e-9, 1e-7);
+    let Selection { kept, dropped } = select_in_turns(&linear.jacobian, 1e-9, &[CLEAR, 1e-7]);
     Structure {
         unknowns: kept.iter().map(|&k| candidates[k]).collect(),
         dropped: dropped
@@ -164,12 +159,9 @@ fn generic_poses(arm: &ArmModel, count: usize) -> Vec<Observation> {
             q: (0..n).map(|j| reading(pose, j)).collect(),
             direction: vec![0.0; n],
             travel: vec![0.0; n],
-            ambient: Ambient::default(),
-            session: 0,
             position: Some(Vector3::zeros()),
             rotation: Some(Pose::<f64>::identity().rotation),
-            targets: Vec::new(),
-            length: None,
+            ..Observation::default()
         })
         .collect()
 }

@@ -36,6 +36,28 @@ pub enum Unknown {
         /// 0 to 2.
         axis: usize,
     },
+    /// A fixed point that the tool touches, world axis.
+    Point {
+        /// From 0.
+        point: usize,
+        /// 0 to 2.
+        axis: usize,
+    },
+    /// A fixed plane that the tool touches.
+    Plane {
+        /// From 0.
+        plane: usize,
+        /// 0 for the level, 1 and 2 for the slopes.
+        value: usize,
+    },
+    /// A station that bearings are taken from; world axes, turns about its origin. Station 0
+    /// is the world's frame and not unknown.
+    Station {
+        /// From 1.
+        station: usize,
+        /// 0 to 5.
+        axis: usize,
+    },
     /// A value of an effect.
     Effect {
         /// Index of the effect.
@@ -102,6 +124,16 @@ impl Unknown {
             Self::Joint(j, parameter) => format!("joint {} {}", j + 1, parameter.name()),
             Self::Target { target, axis } => format!("target {} {}", target + 2, AXES[axis]),
             Self::Anchor { axis } => format!("anchor {}", AXES[axis]),
+            Self::Point { point, axis } => format!("point {} {}", point + 1, AXES[axis]),
+            Self::Plane { plane, value } => {
+                let steep = arm.planes.get(plane).map_or(2, |p| p.axis);
+                let of = |i: usize| AXES[(steep + i) % 3];
+                match value {
+                    0 => format!("plane {} {} at the origin", plane + 1, of(0)),
+                    _ => format!("plane {} slope of {} in {}", plane + 1, of(0), of(value)),
+                }
+            }
+            Self::Station { station, axis } => format!("station {} {}", station + 1, AXES[axis]),
             Self::Effect { effect, value } => match arm.effects.get(effect) {
                 Some(effect) => {
                     let model = effect.model();
@@ -117,15 +149,15 @@ impl Unknown {
     /// SI unit.
     pub fn unit(&self, arm: &ArmModel) -> &'static str {
         match *self {
-            Self::Base { axis, .. } | Self::Tool { axis } => {
-                if axis < 3 {
-                    "m"
-                } else {
-                    "rad"
-                }
+            Self::Base { axis, .. } | Self::Tool { axis } | Self::Station { axis, .. } => {
+                if axis < 3 { "m" } else { "rad" }
             }
             Self::Joint(_, parameter) => parameter.unit(),
-            Self::Target { .. } | Self::Anchor { .. } => "m",
+            Self::Target { .. } | Self::Anchor { .. } | Self::Point { .. } => "m",
+            Self::Plane { value, .. } => match value {
+                0 => "m",
+                _ => "m/m",
+            },
             Self::Effect { effect, value } => arm
                 .effects
                 .get(effect)
@@ -150,6 +182,14 @@ impl Unknown {
             Self::Joint(j, parameter) => arm.joints.get(j).map_or(0.0, |x| x.parameter(parameter)),
             Self::Target { target, axis } => arm.targets.get(target).map_or(0.0, |p| p[axis]),
             Self::Anchor { axis } => arm.anchor[axis],
+            Self::Point { point, axis } => arm.points.get(point).map_or(0.0, |p| p[axis]),
+            Self::Plane { plane, value } => arm.planes.get(plane).map_or(0.0, |p| match value {
+                0 => p.level,
+                _ => p.slopes[value - 1],
+            }),
+            Self::Station { station, axis } => {
+                arm.stations.get(station).map_or(0.0, |p| placed(p, axis))
+            }
             Self::Effect { effect, value } => arm
                 .effects
                 .get(effect)
@@ -163,9 +203,13 @@ impl Unknown {
     /// by. A placement may be anywhere.
     pub fn expected(&self, arm: &ArmModel) -> f64 {
         match *self {
-            Self::Base { .. } | Self::Tool { .. } | Self::Target { .. } | Self::Anchor { .. } => {
-                1.0
-            }
+            Self::Base { .. }
+            | Self::Tool { .. }
+            | Self::Target { .. }
+            | Self::Anchor { .. }
+            | Self::Point { .. }
+            | Self::Plane { .. }
+            | Self::Station { .. } => 1.0,
             // 0.5 mm and 0.5 mrad: a well-made arm
             Self::Joint(..) => 5e-4,
             Self::Effect { .. } => largest(self.unit(arm)),
@@ -178,6 +222,7 @@ impl Unknown {
 pub fn apply(arm: &mut ArmModel, unknowns: &[Unknown], step: &[f64]) {
     let sessions = arm.bases.len();
     let mut base_turns = vec![Vector3::<f64>::zeros(); sessions];
+    let mut station_turns = vec![Vector3::<f64>::zeros(); arm.stations.len()];
     let mut tool_turn = Vector3::<f64>::zeros();
     for (unknown, &delta) in unknowns.iter().zip(step) {
         match *unknown {
@@ -207,6 +252,28 @@ pub fn apply(arm: &mut ArmModel, unknowns: &[Unknown], step: &[f64]) {
                 }
             }
             Unknown::Anchor { axis } => arm.anchor[axis] += delta,
+            Unknown::Point { point, axis } => {
+                if let Some(point) = arm.points.get_mut(point) {
+                    point[axis] += delta;
+                }
+            }
+            Unknown::Plane { plane, value } => {
+                if let Some(plane) = arm.planes.get_mut(plane) {
+                    match value {
+                        0 => plane.level += delta,
+                        _ => plane.slopes[value - 1] += delta,
+                    }
+                }
+            }
+            Unknown::Station { station: k, axis } => {
+                if let Some(station) = arm.stations.get_mut(k) {
+                    if axis < 3 {
+                        station.translation[axis] += delta;
+                    } else if let Some(turn) = station_turns.get_mut(k) {
+                        turn[axis - 3] += delta;
+                    }
+                }
+            }
             Unknown::Effect { effect, value } => {
                 if let Some(value) = arm
                     .effects
@@ -219,8 +286,14 @@ pub fn apply(arm: &mut ArmModel, unknowns: &[Unknown], step: &[f64]) {
             Unknown::EarlyReading => arm.early_reading += delta,
         }
     }
+    let turned = |pose: &mut Pose<f64>, turn: &Vector3<f64>| {
+        pose.rotation = Pose::from_rotation_vector(turn).rotation * pose.rotation;
+    };
     for (base, turn) in arm.bases.iter_mut().zip(&base_turns) {
-        base.rotation = Pose::from_rotation_vector(turn).rotation * base.rotation;
+        turned(base, turn);
+    }
+    for (station, turn) in arm.stations.iter_mut().zip(&station_turns) {
+        turned(station, turn);
     }
     arm.tool.rotation = Pose::from_rotation_vector(&tool_turn).rotation * arm.tool.rotation;
     arm.bake();

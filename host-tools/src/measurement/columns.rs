@@ -20,6 +20,15 @@ pub(super) enum Field {
     /// w, x, y, z.
     Quaternion(usize),
     Length,
+    /// Number of a pair of rows.
+    Pair,
+    Distance,
+    /// Number of a fixed point.
+    Point,
+    /// Number of a fixed plane.
+    Plane,
+    /// Station, and 0 for the azimuth, 1 for the elevation.
+    Bearing(usize, usize),
     Payload,
     PayloadCom(usize),
     Temperature(usize),
@@ -54,6 +63,7 @@ pub(super) struct Columns {
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
+const BEARING: [&str; 2] = ["azimuth", "elevation"];
 const QUATERNION: [&str; 4] = ["qw", "qx", "qy", "qz"];
 
 impl Columns {
@@ -136,6 +146,21 @@ impl Columns {
         self.known.iter().map(count).max().unwrap_or(0)
     }
 
+    /// Number of stations that bearings are taken from.
+    pub(super) fn stations(&self) -> usize {
+        let count = |c: &Column| match c.field {
+            Field::Bearing(station, _) => station + 1,
+            _ => 0,
+        };
+        self.known.iter().map(count).max().unwrap_or(0)
+    }
+
+    /// Columns of [`super::Relations`].
+    pub(super) fn relations(&self) -> Vec<&Column> {
+        let is = |c: &&Column| c.field.is_relation();
+        self.known.iter().filter(is).collect()
+    }
+
     /// Number of temperature sensors.
     pub(super) fn sensors(&self) -> usize {
         let is = |c: &&Column| matches!(c.field, Field::Temperature(_));
@@ -195,16 +220,37 @@ impl Columns {
                 }
             }
         }
+        for station in 0..self.stations() {
+            let number = match station {
+                0 => String::new(),
+                _ => (station + 1).to_string(),
+            };
+            for (k, name) in BEARING.iter().enumerate() {
+                if !self.has(Field::Bearing(station, k)) {
+                    let why = "azimuth and elevation of every station, stations counted from 2 on";
+                    return Err(missing(&format!("{name}{number}"), why.to_owned()));
+                }
+            }
+        }
+        if self.has(Field::Distance) && !self.has(Field::Pair) {
+            let why = "pair beside distance: which two rows it is between".to_owned();
+            return Err(missing("pair", why));
+        }
+        if self.has(Field::Pair) && !self.has(Field::Distance) {
+            let why = "distance beside pair: how far its two rows are apart".to_owned();
+            return Err(missing("distance", why));
+        }
         let has_position = self.targets() > 0;
         let has_orientation = (0..4).any(|c| self.has(Field::Quaternion(c)));
         let needs_pose = purpose == Purpose::Targets;
-        let needs_position =
-            needs_pose || has_orientation || (purpose.leaves_out() && !self.has(Field::Length));
+        let otherwise = self.has(Field::Length) || !self.relations().is_empty();
+        let needs_position = needs_pose || has_orientation || (purpose.leaves_out() && !otherwise);
         if needs_position && !has_position {
             let why = match purpose {
                 Purpose::Targets => "x, y, z, qw, qx, qy, qz: the pose to reach".to_owned(),
                 _ if has_orientation => "x, y, z beside qw, qx, qy, qz".to_owned(),
-                _ => "something measured: x, y, z, or a pose with qw, qx, qy, qz, or length"
+                _ => "something measured: x, y, z, or a pose with qw, qx, qy, qz, or length, or \
+                      azimuth and elevation, pair and distance, point, plane"
                     .to_owned(),
             };
             return Err(missing("x", why));
@@ -235,11 +281,25 @@ impl Columns {
     }
 }
 
+impl Field {
+    /// True for what binds the tool point without giving it.
+    pub(super) fn is_relation(self) -> bool {
+        matches!(
+            self,
+            Self::Pair | Self::Distance | Self::Point | Self::Plane | Self::Bearing(..)
+        )
+    }
+}
+
 /// The meaning of a name without its unit; `None` for names that have none.
 fn field(name: &str) -> Option<Field> {
     let axis = |letter: &str| AXES.iter().position(|a| *a == letter);
     match name {
         "length" => return Some(Field::Length),
+        "pair" => return Some(Field::Pair),
+        "distance" => return Some(Field::Distance),
+        "point" => return Some(Field::Point),
+        "plane" => return Some(Field::Plane),
         "payload" => return Some(Field::Payload),
         "temp" => return Some(Field::Temperature(0)),
         "t" => return Some(Field::Time),
@@ -249,6 +309,9 @@ fn field(name: &str) -> Option<Field> {
     }
     if let Some(k) = QUATERNION.iter().position(|q| *q == name) {
         return Some(Field::Quaternion(k));
+    }
+    if let Some(k) = BEARING.iter().position(|b| *b == name) {
+        return Some(Field::Bearing(0, k));
     }
     if let Some(letter) = name.strip_prefix("payload_com_") {
         return axis(letter).map(Field::PayloadCom);
@@ -269,14 +332,15 @@ fn field(name: &str) -> Option<Field> {
         "qcmd" => Some(Field::Command(joint)),
         "dir" => Some(Field::Direction(joint)),
         "temp" if (1..=MAX_SENSORS).contains(&number) => Some(Field::Temperature(number - 1)),
-        _ if (2..=MAX_TARGETS).contains(&number) => {
-            axis(word).map(|axis| Field::Position(number - 1, axis))
-        }
+        _ if (2..=MAX_TARGETS).contains(&number) => match BEARING.iter().position(|b| *b == word) {
+            Some(k) => Some(Field::Bearing(number - 1, k)),
+            None => axis(word).map(|axis| Field::Position(number - 1, axis)),
+        },
         _ => None,
     }
 }
 
-/// Targets that a table may have.
+/// Targets, and stations, that a table may have.
 const MAX_TARGETS: usize = 64;
 
 /// What a field measures; `None` for a joint that the robot does not have.
@@ -290,8 +354,14 @@ fn quantity(field: Field, expected: &Expected) -> Option<Quantity> {
             expected.kinds.get(k)?;
             Quantity::Other
         }
-        Field::Position(..) | Field::Length | Field::PayloadCom(_) => Quantity::Length,
+        Field::Position(..) | Field::Length | Field::Distance | Field::PayloadCom(_) => {
+            Quantity::Length
+        }
+        Field::Bearing(..) => Quantity::Angle,
         Field::Quaternion(_)
+        | Field::Pair
+        | Field::Point
+        | Field::Plane
         | Field::Payload
         | Field::Temperature(_)
         | Field::Time

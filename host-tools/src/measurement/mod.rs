@@ -4,6 +4,7 @@
 
 mod columns;
 mod plausible;
+mod relations;
 mod rows;
 mod sidecar;
 mod split;
@@ -53,8 +54,43 @@ pub enum Measured {
     Pose,
     /// Distance to an unknown fixed point.
     Length,
+    /// Bearings from one or more stations.
+    Bearing,
+    /// Distances between pairs of poses.
+    Distance,
+    /// Fixed points that the tool point touches.
+    Point,
+    /// Fixed planes that the tool point touches.
+    Plane,
     /// Nothing ([`Purpose::Joints`] only).
     Nothing,
+}
+
+/// What binds the tool point without giving it. Numbers are labels: equal ones belong
+/// together.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Relations {
+    /// The pair of rows that a distance is between.
+    pub pair: Option<i64>,
+    /// Distance between the tool points of the two rows of the pair, m; on one row of the two,
+    /// or on both.
+    pub distance: Option<f64>,
+    /// The fixed point that the tool point touches.
+    pub point: Option<i64>,
+    /// The fixed plane that the tool point touches.
+    pub plane: Option<i64>,
+    /// Azimuth and elevation of the tool point from every station, rad.
+    pub bearings: Vec<Option<[f64; 2]>>,
+}
+
+impl Relations {
+    /// True if the row says none of it.
+    pub fn is_empty(&self) -> bool {
+        self.pair.is_none()
+            && self.point.is_none()
+            && self.plane.is_none()
+            && self.bearings.iter().all(Option::is_none)
+    }
 }
 
 /// Which side of the split a row is on.
@@ -83,6 +119,8 @@ pub struct Row {
     pub length: Option<f64>,
     /// Positions of the further targets in the world frame, `x2` first, m.
     pub targets: Vec<Option<[f64; 3]>>,
+    /// What else binds the tool point.
+    pub relations: Relations,
     /// Commanded joints, rad or m.
     pub q_command: Option<Vec<f64>>,
     /// Sign of the last move of each joint, 0 unknown; one a joint always.
@@ -132,6 +170,12 @@ pub struct Noise {
     pub orientation: Option<f64>,
     /// m.
     pub length: Option<f64>,
+    /// Of a distance between two poses, m.
+    pub distance: Option<f64>,
+    /// Of a touch on a point or plane, m.
+    pub contact: Option<f64>,
+    /// rad.
+    pub bearing: Option<f64>,
 }
 
 /// A table that was read and checked.
@@ -156,6 +200,8 @@ pub struct Dataset {
     /// Nominal offsets of the further targets from the tool point in the tool frame, `x2`
     /// first, m; zero where the sidecar has none.
     pub target_offsets: Vec<[f64; 3]>,
+    /// The sidecar says that the offsets were calibrated: they are not identified.
+    pub targets_known: bool,
     /// What was noticed.
     pub warnings: Vec<Warning>,
 }
@@ -214,9 +260,11 @@ pub fn read(file: &Path, expected: &Expected, purpose: Purpose) -> Result<Datase
     let mut dataset = parsed.dataset;
     if purpose.leaves_out() {
         sidecar::read(&mut dataset)?;
+        relations::check(&mut dataset)?;
     }
     if purpose == Purpose::Fit {
         split::hold_back(&mut dataset, &parsed.sets);
+        relations::check_sets(&dataset)?;
         plausible::check_enough(&dataset, expected)?;
     }
     Ok(dataset)

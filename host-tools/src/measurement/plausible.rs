@@ -53,7 +53,16 @@ pub(super) fn check_enough(dataset: &Dataset, expected: &Expected) -> Result<(),
         // Three points fix a pose; more of them only repeat it.
         let point = (3 * points).min(6);
         let turn = if row.orientation.is_some() { 3 } else { 0 };
-        (point + turn).min(6).max(usize::from(row.length.is_some()))
+        let r = &row.relations;
+        let related = usize::from(r.distance.is_some())
+            + 3 * usize::from(r.point.is_some())
+            + usize::from(r.plane.is_some())
+            + 2 * r.bearings.iter().flatten().count();
+        let related = related.min(if row.orientation.is_some() { 6 } else { 3 });
+        (point + turn)
+            .min(6)
+            .max(usize::from(row.length.is_some()))
+            .max(related)
     };
     let have: usize = dataset.set(Set::Identify).map(equations).sum();
     if have >= unknowns {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::columns::{Column, Columns, Field};
-use super::{Available, Dataset, Expected, Measured, Noise, Purpose, Row, Set};
+use super::{Available, Dataset, Expected, Measured, Noise, Purpose, Relations, Row, Set};
 use crate::error::{Error, Place};
 use crate::warning::Warning;
 
@@ -17,6 +17,8 @@ pub(super) struct Parsed {
 
 /// No number in a table is larger, in SI.
 const LARGEST: f64 = 1e9;
+/// No elevation is larger, rad.
+const HIGHEST: f64 = 89.0 * std::f64::consts::PI / 180.0;
 /// A quaternion may be off unit length by this much: four printed decimals at worst.
 const QUATERNION_SLACK: f64 = 0.01;
 
@@ -177,6 +179,8 @@ impl<'a> Reading<'a> {
         let mut points = vec![[None; 3]; self.targets + 1];
         let mut quaternion = [None; 4];
         let mut length = None;
+        let [mut pair, mut distance, mut point, mut plane] = [None; 4];
+        let mut bearings = vec![[None; 2]; self.columns.stations()];
         let mut set = None;
         let mut conditions = vec![None; self.condition_columns.len()];
         let mut condition = conditions.iter_mut();
@@ -196,6 +200,11 @@ impl<'a> Reading<'a> {
                 Field::Position(t, axis) => points.get_mut(t).and_then(|p| p.get_mut(axis)),
                 Field::Quaternion(k) => quaternion.get_mut(k),
                 Field::Length => Some(&mut length),
+                Field::Pair => Some(&mut pair),
+                Field::Distance => Some(&mut distance),
+                Field::Point => Some(&mut point),
+                Field::Plane => Some(&mut plane),
+                Field::Bearing(station, k) => bearings.get_mut(station).and_then(|b| b.get_mut(k)),
                 Field::Direction(k) => {
                     if let Some(slot) = direction.get_mut(k) {
                         *slot = value.unwrap_or(0.0);
@@ -226,13 +235,26 @@ impl<'a> Reading<'a> {
             .zip(2..)
             .map(|(p, n)| self.complete(&format!("x{n}, y{n}, z{n}"), p, number))
             .collect();
+        let label = |value: Option<f64>| value.map(|x| x as i64);
+        let relations = Relations {
+            pair: label(pair),
+            distance,
+            point: label(point),
+            plane: label(plane),
+            bearings: bearings
+                .iter()
+                .map(|b| self.complete("azimuth, elevation", b, number))
+                .collect(),
+        };
         let q_command = self.all("qcmd1, ...", &q_command, number);
 
         let Some(q) = q.iter().copied().collect::<Option<Vec<f64>>>() else {
             return self.without(number, line, "q", "its joints");
         };
-        let measured =
-            position.is_some() || length.is_some() || targets.iter().any(Option::is_some);
+        let measured = position.is_some()
+            || length.is_some()
+            || targets.iter().any(Option::is_some)
+            || !relations.is_empty();
         match self.purpose {
             Purpose::Fit | Purpose::Check if !measured => {
                 self.left_out.push(number);
@@ -251,6 +273,7 @@ impl<'a> Reading<'a> {
             orientation,
             length,
             targets,
+            relations,
             q_command,
             direction,
             payload: None,
@@ -321,8 +344,21 @@ impl<'a> Reading<'a> {
                     "correct the cell, or leave it blank if it is not known",
                 ))
             }
-            Field::Session if number.fract() != 0.0 => Err(bad("an integer".to_owned(), blank)),
-            Field::Length if value <= 0.0 => Err(bad("a length above zero".to_owned(), blank)),
+            Field::Session | Field::Pair | Field::Point | Field::Plane if number.fract() != 0.0 => {
+                Err(bad("an integer".to_owned(), blank))
+            }
+            Field::Bearing(_, 1) if value.abs() > HIGHEST => Err(bad(
+                "an elevation within 89 deg of level: the azimuth means nothing at the zenith"
+                    .to_owned(),
+                "check the unit and the order of the columns, or blank the row",
+            )),
+            Field::Bearing(_, 0) if value.abs() > 4.0 * std::f64::consts::PI => Err(bad(
+                "an angle within two turns, rad".to_owned(),
+                "if the column is in degrees, name it with _deg at the end",
+            )),
+            Field::Length | Field::Distance if value <= 0.0 => {
+                Err(bad("a length above zero".to_owned(), blank))
+            }
             _ => Ok(Some(value)),
         }
     }
@@ -444,6 +480,7 @@ impl<'a> Reading<'a> {
             available,
             noise: Noise::default(),
             target_offsets: vec![[0.0; 3]; self.targets],
+            targets_known: false,
             warnings,
         };
         (dataset, self.sets)
@@ -463,6 +500,17 @@ fn measured(rows: &[Row]) -> Measured {
         Measured::Position
     } else if rows.iter().any(|r| r.length.is_some()) {
         Measured::Length
+    } else if rows
+        .iter()
+        .any(|r| r.relations.bearings.iter().any(Option::is_some))
+    {
+        Measured::Bearing
+    } else if rows.iter().any(|r| r.relations.distance.is_some()) {
+        Measured::Distance
+    } else if rows.iter().any(|r| r.relations.point.is_some()) {
+        Measured::Point
+    } else if rows.iter().any(|r| r.relations.plane.is_some()) {
+        Measured::Plane
     } else {
         Measured::Nothing
     }

@@ -27,6 +27,9 @@ pub(super) fn read(dataset: &mut Dataset) -> Result<(), Error> {
                 position: sigma(&mut table, "position_sigma", Quantity::Length)?,
                 orientation: sigma(&mut table, "orientation_sigma", Quantity::Angle)?,
                 length: sigma(&mut table, "length_sigma", Quantity::Length)?,
+                distance: sigma(&mut table, "distance_sigma", Quantity::Length)?,
+                contact: sigma(&mut table, "contact_sigma", Quantity::Length)?,
+                bearing: sigma(&mut table, "bearing_sigma", Quantity::Angle)?,
             };
             let offsets = table.lists::<3>("targets", Quantity::Length)?;
             if offsets.len() > dataset.target_offsets.len() {
@@ -38,6 +41,14 @@ pub(super) fn read(dataset: &mut Dataset) -> Result<(), Error> {
                         dataset.file.display()
                     ),
                     "delete offsets or add columns",
+                ));
+            }
+            dataset.targets_known = table.flag("targets_known")?;
+            if dataset.targets_known && offsets.len() < dataset.target_offsets.len() {
+                return Err(table.place_of("targets_known").bad(
+                    format!("offsets of {} further targets", offsets.len()),
+                    format!("{}, one a further target", dataset.target_offsets.len()),
+                    "give them all in targets_mm, or delete targets_known",
                 ));
             }
             table.finish()?;

@@ -24,7 +24,7 @@ pub(super) fn hold_back(dataset: &mut Dataset, sets: &[Option<Set>]) {
         }
     }
     if undecided > 0 {
-        let groups = poses(&dataset.rows);
+        let groups = with_pairs(&dataset.rows, poses(&dataset.rows));
         let held = choose(&groups, sets, undecided);
         for ((row, group), set) in dataset.rows.iter_mut().zip(&groups).zip(sets) {
             if set.is_none() && held.contains(group) {
@@ -43,6 +43,36 @@ pub(super) fn hold_back(dataset: &mut Dataset, sets: &[Option<Set>]) {
             file: dataset.file.clone(),
         });
     }
+}
+
+/// The groups with those of the two rows of every pair made one.
+fn with_pairs(rows: &[Row], mut groups: Vec<usize>) -> Vec<usize> {
+    let mut joined: Vec<usize> = (0..rows.len()).collect();
+    let leader = |joined: &[usize], mut at: usize| {
+        while let Some(&next) = joined.get(at)
+            && next != at
+        {
+            at = next;
+        }
+        at
+    };
+    let mut any = false;
+    for members in super::relations::pairs(rows).into_values() {
+        let mut of = members.iter().filter_map(|&i| groups.get(i).copied());
+        if let (Some(a), Some(b)) = (of.next(), of.next()) {
+            let (a, b) = (leader(&joined, a), leader(&joined, b));
+            if let Some(slot) = joined.get_mut(a.max(b)) {
+                *slot = a.min(b);
+                any = true;
+            }
+        }
+    }
+    if any {
+        for group in &mut groups {
+            *group = leader(&joined, *group);
+        }
+    }
+    groups
 }
 
 /// The groups whose undecided rows are held back.

@@ -2,7 +2,6 @@
 
 use nalgebra::{Matrix3, Vector3};
 use truepose::JointKind;
-use truepose::effects::Ambient;
 
 use super::Sensitivity;
 use crate::description::Robot;
@@ -66,8 +65,6 @@ impl MeasuredArm {
             q: vec![0.0; arm.joint_count()],
             direction: vec![0.0; arm.joint_count()],
             travel: vec![0.0; arm.joint_count()],
-            ambient: Ambient::default(),
-            session: 0,
             position: (seen != Seen::Length).then_some(zero),
             rotation: (seen == Seen::Pose).then(Matrix3::identity),
             targets: match seen {
@@ -75,6 +72,7 @@ impl MeasuredArm {
                 Seen::Pose | Seen::Length => Vec::new(),
             },
             length: (seen == Seen::Length).then_some(0.0),
+            ..Observation::default()
         };
         let mut candidates: Vec<Unknown> = (0..6)
             .map(|axis| Unknown::Base { session: 0, axis })

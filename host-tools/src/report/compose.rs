@@ -7,14 +7,19 @@ use truepose::effects::Kind;
 
 use super::verdict::judge;
 use super::{Distances, Report, Row, schema};
+use crate::identify::arm::ArmModel;
 use crate::identify::assess::{Errors, Statistics, errors};
+use crate::identify::bootstrap::Bootstrap;
+use crate::identify::linearize::Evaluator;
 use crate::identify::noise::{Component, fitted, of_fitted};
 use crate::identify::observation::Observation;
-use crate::identify::problem::{ASSUMED, Joints};
+use crate::identify::predicted::{Covariance, Uncertainty};
+use crate::identify::problem::{ASSUMED, ASSUMED_BEARING, ASSUMED_CONTACT, Joints, Problem};
 use crate::identify::readings::Identified;
+use crate::identify::relation::Relation;
 use crate::identify::uncertainty::chi_square_tail;
 use crate::identify::unknown::Unknown;
-use crate::identify::{Calibration, Failure, Status};
+use crate::identify::{Calibration, Failure, Stage, Status};
 use crate::measurement::{Dataset, Measured};
 
 const MM: f64 = 1e3;
@@ -58,6 +63,9 @@ impl Report {
                     estimated: 0.0,
                 },
                 noise_deg: None,
+                model_sigma_mm: model_sigma(&calibration.complete, &problem.verify),
+                estimator: estimator(problem, calibration),
+                covariance: Covariance::of(&calibration.complete),
                 verdict: judgement.verdict,
                 effects: effects(calibration, &error_mm),
                 parameters: parameters(calibration),
@@ -88,6 +96,30 @@ impl Report {
         Ok(report)
     }
 
+    /// Puts in how the parameters scatter when the rows are drawn anew.
+    pub fn add_bootstrap(&mut self, calibration: &Calibration, bootstrap: &Bootstrap) {
+        let arm = &calibration.complete.arm;
+        for (unknown, scatter) in &bootstrap.each {
+            let name = unknown.name(arm);
+            let of = self.summary.parameters.iter_mut().find(|p| p.name == name);
+            if let Some(parameter) = of {
+                parameter.bootstrap = Some(schema::Bootstrap {
+                    sigma: scatter.sigma,
+                    interval95: scatter.interval95,
+                });
+            }
+        }
+        let (draws, failed) = (bootstrap.draws, bootstrap.failed);
+        let mut sentence = format!("bootstrap: {draws} fits of rows drawn anew");
+        if failed > 0 {
+            sentence.push_str(&format!(
+                "; {failed} more draws had too few different rows for all parameters"
+            ));
+        }
+        self.noticed.push(sentence.clone());
+        self.summary.notes.push(sentence);
+    }
+
     fn estimate_noise(&mut self, data: &Dataset, identified: &Identified) {
         let (problem, calibration) = (&identified.problem, &identified.calibration);
         let stage = &calibration.complete;
@@ -99,14 +131,29 @@ impl Report {
                 estimated: of.ratio().unwrap_or(0.0) * weight * factor,
             };
         let (s, by) = (problem.sigmas, data.noise);
+        let touch = by.contact.unwrap_or(ASSUMED_CONTACT);
+        let apart = by.distance.unwrap_or(ASSUMED.length);
+        let sight = by.bearing.unwrap_or(ASSUMED_BEARING);
+        let range = range(&stage.arm, &kept);
+        let degrees = 1.0_f64.to_degrees();
+        use schema::Measured as M;
         self.summary.noise_mm = match self.summary.measured {
-            schema::Measured::Length => noise(by.length, s.length, &found.length, MM),
-            _ => noise(by.position, s.position, &found.position, MM),
+            M::Length => noise(by.length, s.length, &found.length, MM),
+            M::Distance => noise(by.distance, apart, &found.distance, MM),
+            M::Point | M::Plane => noise(by.contact, touch, &found.contact, MM),
+            M::Bearing => noise(by.bearing, sight, &found.bearing, MM * range),
+            M::Position | M::Pose => noise(by.position, s.position, &found.position, MM),
         };
-        self.summary.noise_deg = (self.summary.measured == schema::Measured::Pose).then(|| {
-            let factor = 1.0_f64.to_degrees();
-            noise(by.orientation, s.orientation, &found.orientation, factor)
-        });
+        self.summary.noise_deg = match self.summary.measured {
+            M::Pose => Some(noise(
+                by.orientation,
+                s.orientation,
+                &found.orientation,
+                degrees,
+            )),
+            M::Bearing => Some(noise(by.bearing, sight, &found.bearing, degrees)),
+            _ => None,
+        };
     }
 
     /// Assumptions and omissions in sentences.
@@ -115,7 +162,8 @@ impl Report {
         let noise = &data.noise;
         let assumed = &mut self.assumed;
         let length = data.measured == Measured::Length;
-        if !length && noise.position.is_none() {
+        let positions = matches!(data.measured, Measured::Position | Measured::Pose);
+        if positions && noise.position.is_none() {
             assumed.push(format!(
                 "the instrument's noise is not declared: positions weighted as by {:.3} mm an \
                  axis; position_sigma_mm in the sidecar says better",
@@ -135,6 +183,39 @@ impl Report {
                  length_sigma_mm in the sidecar says better",
                 ASSUMED.length * MM
             ));
+        }
+        let problem = &identified.problem;
+        let has = |is: fn(&Relation) -> bool| {
+            let mut all = problem.identify.iter().flat_map(|o| &o.relations);
+            all.any(is)
+        };
+        if noise.distance.is_none() && has(|r| matches!(r, Relation::Distance { .. })) {
+            assumed.push(format!(
+                "distances between poses weighted as by {:.3} mm; distance_sigma_mm in the \
+                 sidecar says better",
+                ASSUMED.length * MM
+            ));
+        }
+        let touch = |r: &Relation| matches!(r, Relation::Point { .. } | Relation::Plane { .. });
+        if noise.contact.is_none() && has(touch) {
+            assumed.push(format!(
+                "touches weighted as by {:.3} mm; contact_sigma_mm in the sidecar says better",
+                ASSUMED_CONTACT * MM
+            ));
+        }
+        if noise.bearing.is_none() && has(|r| matches!(r, Relation::Bearing { .. })) {
+            assumed.push(format!(
+                "bearings weighted as by {:.4} deg; bearing_sigma_deg in the sidecar says better",
+                ASSUMED_BEARING.to_degrees()
+            ));
+        }
+        for (what, numbers) in [("point", &problem.points), ("plane", &problem.planes)] {
+            let named = numbers.iter().zip(1..).filter(|(n, place)| **n != *place);
+            for (number, place) in named {
+                assumed.push(format!(
+                    "{what} {place} here is {what} {number} of the file"
+                ));
+            }
         }
         let placements = identified.problem.sessions.len();
         assumed.push(match placements {
@@ -178,6 +259,37 @@ impl Report {
                 ));
             }
         }
+        let used = &self.summary.estimator;
+        if !used.outliers.is_empty() {
+            let each: Vec<String> = used
+                .outliers
+                .iter()
+                .map(|o| format!("{} ({:.2})", o.row, o.weight))
+                .collect();
+            self.noticed.push(format!(
+                "rows that the {} loss trusts less than half, with their weights: {}",
+                used.loss,
+                each.join(", ")
+            ));
+        }
+        if let Some(i) = &used.innovations {
+            let say = match i.white {
+                Some(true) => "pass for white noise: the model holds from row to row",
+                Some(false) => "are not white: the model lacks something, or the parameters wander",
+                None => "are too few to test",
+            };
+            self.noticed.push(format!(
+                "innovations of the filter ({} equations, {:.2} times what it expected, chance \
+                 of their mean {}, of their hanging together {}, of their leaning towards {} {}) \
+                 {say}",
+                i.count,
+                i.rms,
+                super::figures::significant(i.p_mean),
+                super::figures::significant(i.p_correlation),
+                i.drifts.as_deref().unwrap_or("any parameter"),
+                super::figures::significant(i.p_drift)
+            ));
+        }
         let rows = &self.summary.rows;
         self.held_back.push(if data.held_back.is_empty() {
             format!(
@@ -214,9 +326,31 @@ impl Report {
 fn measured(data: &Dataset, turned: bool) -> schema::Measured {
     match data.measured {
         Measured::Length => schema::Measured::Length,
+        Measured::Bearing => schema::Measured::Bearing,
+        Measured::Distance => schema::Measured::Distance,
+        Measured::Point => schema::Measured::Point,
+        Measured::Plane => schema::Measured::Plane,
         Measured::Pose if turned => schema::Measured::Pose,
         _ => schema::Measured::Position,
     }
+}
+
+/// Typical distance that bearings were taken from, m.
+fn range(arm: &ArmModel, observations: &[&Observation]) -> f64 {
+    let mut evaluator = Evaluator::new(arm, ASSUMED);
+    let (mut sum, mut count) = (0.0, 0);
+    for o in observations {
+        let mut seen = o.relations.iter().filter_map(|r| match r {
+            Relation::Bearing { station, .. } => arm.stations.get(*station),
+            _ => None,
+        });
+        if let Some(station) = seen.next() {
+            let p = evaluator.observe(o).translation;
+            sum += (p - station.translation).norm();
+            count += 1;
+        }
+    }
+    sum / f64::from(count.max(1))
 }
 
 fn spread(s: &Statistics, factor: f64) -> schema::Spread {
@@ -268,6 +402,7 @@ fn parameters(calibration: &Calibration) -> Vec<schema::Parameter> {
                 nominal: unknown.value(&calibration.nominal.arm),
                 value: unknown.value(&complete.arm),
                 sigma: complete.sigma(*unknown),
+                bootstrap: None,
                 status,
                 note,
             }
@@ -335,6 +470,38 @@ fn effects(calibration: &Calibration, error_mm: &schema::Errors) -> Vec<schema::
     found
 }
 
+fn estimator(problem: &Problem, calibration: &Calibration) -> schema::Estimator {
+    let outliers = calibration.outliers.iter().map(|o| schema::Outlier {
+        row: o.row,
+        weight: o.weight,
+    });
+    schema::Estimator {
+        name: problem.method.estimator.name().to_owned(),
+        loss: problem.method.loss.name().to_owned(),
+        iterations: calibration.complete.fit.iterations,
+        outliers: outliers.collect(),
+        innovations: calibration.innovations.map(|i| schema::Innovations {
+            count: i.count,
+            rms: i.size,
+            p_mean: i.p_mean,
+            p_correlation: i.p_correlation,
+            p_drift: i.p_drift,
+            drifts: i.drifts.map(|u| u.name(&calibration.complete.arm)),
+            white: i.white(),
+        }),
+    }
+}
+
+/// Standard deviation of the tool point by the parameters alone.
+fn model_sigma(stage: &Stage, rows: &[Observation]) -> Option<schema::Spread> {
+    let each: Vec<f64> = Uncertainty::of(stage)
+        .at(&stage.arm, rows)
+        .iter()
+        .map(|c| (c[(0, 0)] + c[(1, 1)] + c[(2, 2)]).max(0.0).sqrt())
+        .collect();
+    Statistics::of(&each).map(|s| spread(&s, MM))
+}
+
 fn joints_used(identified: &Identified) -> Option<schema::JointsUsed> {
     let c = identified.comparison.as_ref()?;
     Some(schema::JointsUsed {
@@ -356,7 +523,7 @@ fn rows(calibration: &Calibration, verify: &[&Observation]) -> Vec<Row> {
         orientation: 1.0,
         length: 1.0,
     };
-    let mut evaluator = crate::identify::linearize::Evaluator::new(arm, sigmas);
+    let mut evaluator = Evaluator::new(arm, sigmas);
     verify
         .iter()
         .filter_map(|o| {
@@ -375,7 +542,16 @@ fn rows(calibration: &Calibration, verify: &[&Observation]) -> Vec<Row> {
                 (None, Some(length)) => {
                     vec![(length - (pose.translation - arm.anchor).norm()) * MM]
                 }
-                (None, None) => return None,
+                (None, None) => {
+                    let mut residual = vec![0.0; o.equations()];
+                    let mut distances = Vec::new();
+                    evaluator.residual(o, &mut residual);
+                    evaluator.distances(o, |d| distances.push(d));
+                    let [one] = distances.as_slice() else {
+                        return None;
+                    };
+                    vec![one * residual.first().map_or(1.0, |r| r.signum()) * MM]
+                }
             };
             let q = o.q.iter().zip(&arm.joints);
             Some(Row {

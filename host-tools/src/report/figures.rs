@@ -37,6 +37,17 @@ pub(super) fn drawn(x: f64) -> String {
     }
 }
 
+/// A value to the second digit of its standard error; as [`drawn`] where there is none.
+pub(super) fn valued(x: f64, sigma: Option<f64>) -> String {
+    match sigma {
+        Some(sigma) if sigma.is_finite() && sigma > 0.0 => {
+            let decimals = (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) as usize;
+            format!("{x:.decimals$}")
+        }
+        _ => drawn(x),
+    }
+}
+
 /// Unit in which people read an SI unit, and the factor to it.
 pub(super) fn shown(unit: &str) -> (&str, f64) {
     match unit {

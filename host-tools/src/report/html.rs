@@ -6,7 +6,7 @@ use plotters::style::RGBColor;
 
 use super::Report;
 use super::evidence::Evidence;
-use super::figures::{drawn, shown, signed, significant};
+use super::figures::{drawn, shown, signed, significant, valued};
 use super::schema::{Errors, Measured, Parameter, Status, Verdict};
 use super::svg;
 use super::text::{RIVALS, grouped, held_back, probability, worse};
@@ -38,11 +38,7 @@ pub fn html(report: &Report) -> Result<String, Box<dyn std::error::Error>> {
          <title>{title}: calibration</title><style>{STYLE}</style></head><body>\n\
          <h1>{title}</h1>\n"
     )?;
-    let what = match s.measured {
-        Measured::Position => "positions",
-        Measured::Pose => "full poses",
-        Measured::Length => "lengths",
-    };
+    let what = s.measured.words();
     writeln!(
         out,
         "<p>Identified from {} rows of {what}, checked on {} that no fit has seen.</p>",
@@ -291,8 +287,8 @@ fn residual(out: &mut String, report: &Report) -> Result<(), Box<dyn std::error:
 fn parameters(out: &mut String, parameters: &[Parameter]) -> std::fmt::Result {
     writeln!(
         out,
-        "<table><tr><th>parameter</th><th>drawn</th><th>change</th><th>&plusmn;</th>\
-         <th>unit</th></tr>"
+        "<table><tr><th>parameter</th><th>value</th><th>&plusmn;</th><th>unit</th>\
+         <th>drawn</th><th>change</th></tr>"
     )?;
     for p in parameters.iter().filter(|p| p.status == Status::Identified) {
         let (unit, factor) = shown(&p.unit);
@@ -301,8 +297,9 @@ fn parameters(out: &mut String, parameters: &[Parameter]) -> std::fmt::Result {
             .map_or_else(|| "-".to_owned(), |s| significant(s * factor));
         writeln!(
             out,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{sigma}</td><td>{unit}</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td>{sigma}</td><td>{unit}</td><td>{}</td><td>{}</td></tr>",
             escaped(&p.name),
+            valued(p.value * factor, p.sigma.map(|s| s * factor)),
             drawn(p.nominal * factor),
             signed((p.value - p.nominal) * factor)
         )?;

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 use truepose::effects::{Kind, Selector};
 
+use crate::identify::predicted::Covariance;
 use crate::identify::unknown::effect_name;
 
 /// What was measured.
@@ -17,6 +18,14 @@ pub enum Measured {
     Pose,
     /// Distance to an unknown fixed point.
     Length,
+    /// Bearings from stations.
+    Bearing,
+    /// Distances between pairs of poses.
+    Distance,
+    /// Touches of fixed points.
+    Point,
+    /// Touches of fixed planes.
+    Plane,
 }
 
 /// The answer.
@@ -225,11 +234,69 @@ pub struct Parameter {
     pub value: f64,
     /// Standard error; `None` where it was not identified.
     pub sigma: Option<f64>,
+    /// Its scatter when the rows were drawn anew, where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bootstrap: Option<Bootstrap>,
     /// What became of it.
     pub status: Status,
     /// Why it was not identified.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
+}
+
+/// Scatter of a parameter when the rows were drawn anew, in its unit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Bootstrap {
+    /// Standard error.
+    pub sigma: f64,
+    /// 2.5 and 97.5 % of the values.
+    pub interval95: [f64; 2],
+}
+
+/// How the parameters were found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Estimator {
+    /// As `--estimator` names it.
+    pub name: String,
+    /// As `--loss` names it.
+    pub loss: String,
+    /// Passes over the rows that the last fit took.
+    pub iterations: usize,
+    /// Rows that a robust loss trusts less than half.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub outliers: Vec<Outlier>,
+    /// What a Kalman filter did not expect.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub innovations: Option<Innovations>,
+}
+
+/// A row that a robust loss trusts less than half.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Outlier {
+    /// Number in the file, from 1.
+    pub row: usize,
+    /// 0 to 1.
+    pub weight: f64,
+}
+
+/// What a Kalman filter did not expect of each equation, over its own standard deviation.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Innovations {
+    /// Number.
+    pub count: usize,
+    /// Root mean square; 1 where the declared noise is right.
+    pub rms: f64,
+    /// Chance that white innovations have a mean as far from zero.
+    pub p_mean: f64,
+    /// Chance that white innovations hang together as much from row to row.
+    pub p_correlation: f64,
+    /// Chance that white innovations lean as much towards what any one parameter does.
+    pub p_drift: f64,
+    /// Name of that parameter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub drifts: Option<String>,
+    /// Whether they pass for white; `None` where there are too few to say.
+    pub white: Option<bool>,
 }
 
 /// Which joint values the fit used, where the file has both.
@@ -263,17 +330,26 @@ pub struct Summary {
     /// `error_mm` once more, cross-validated on blocks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_mm_blocks: Option<BlockErrors>,
-    /// Noise of positions or lengths.
+    /// Noise of positions, lengths, distances or touches; of bearings, at the distance that
+    /// the tool was seen from.
     pub noise_mm: Noise,
-    /// Noise of orientations, with full poses.
+    /// Noise of orientations, with full poses, or of bearings.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise_deg: Option<Noise>,
+    /// Standard deviation of the predicted tool point by the parameters' covariance, of all
+    /// three axes together, over the verify rows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model_sigma_mm: Option<Spread>,
+    /// How the parameters were found.
+    pub estimator: Estimator,
     /// The answer.
     pub verdict: Verdict,
     /// Effects in the final model.
     pub effects: Vec<Effect>,
     /// Every parameter.
     pub parameters: Vec<Parameter>,
+    /// Covariance of the identified parameters, SI units.
+    pub covariance: Covariance,
     /// Readings or commands.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub joints: Option<JointsUsed>,

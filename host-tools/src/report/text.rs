@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::Report;
 use super::evidence::Evidence;
-use super::figures::{drawn, shown, signed, significant};
+use super::figures::{drawn, shown, signed, significant, valued};
 use super::schema::{Effect, Errors, Measured, Noise, Parameter, Status, Verdict};
 
 /// Rivals listed for each effect.
@@ -22,6 +22,21 @@ impl Verdict {
     }
 }
 
+impl Measured {
+    /// In words.
+    pub(super) fn words(self) -> &'static str {
+        match self {
+            Self::Position => "positions",
+            Self::Pose => "full poses",
+            Self::Length => "lengths",
+            Self::Bearing => "bearings",
+            Self::Distance => "distances between poses",
+            Self::Point => "touches of fixed points",
+            Self::Plane => "touches of fixed planes",
+        }
+    }
+}
+
 /// The report as text, with its last line break.
 pub fn text(report: &Report) -> String {
     let mut out = String::new();
@@ -32,15 +47,17 @@ pub fn text(report: &Report) -> String {
 
 fn write(report: &Report, out: &mut String) -> std::fmt::Result {
     let s = &report.summary;
-    let what = match s.measured {
-        Measured::Position => "positions",
-        Measured::Pose => "full poses",
-        Measured::Length => "lengths",
-    };
+    let what = s.measured.words();
     writeln!(
         out,
         "{}: identified from {} rows of {what}, checked on {} that no fit has seen",
         s.robot, s.rows.identify, s.rows.verify
+    )?;
+    let e = &s.estimator;
+    writeln!(
+        out,
+        "estimator {}, {} loss, {} passes",
+        e.name, e.loss, e.iterations
     )?;
     writeln!(out)?;
     let named = !s.effects.is_empty();
@@ -54,6 +71,15 @@ fn write(report: &Report, out: &mut String) -> std::fmt::Result {
             "on blocks left out in turn, rms: geometry {} mm, final {} mm",
             significant(b.geometric.rms),
             significant(b.complete.rms)
+        )?;
+    }
+    if let Some(m) = &s.model_sigma_mm {
+        writeln!(
+            out,
+            "tool point by the parameters' covariance, 1 sigma at those rows: {} mm rms, {} mm at \
+             most",
+            significant(m.rms),
+            significant(m.max)
         )?;
     }
     noise(out, &s.noise_mm, "mm")?;
@@ -220,11 +246,17 @@ pub(super) fn probability(p: f64) -> String {
 }
 
 fn parameters(out: &mut String, parameters: &[Parameter]) -> std::fmt::Result {
+    let drawn_anew = parameters.iter().any(|p| p.bootstrap.is_some());
     writeln!(out)?;
     writeln!(
         out,
-        "{:<44}{:>12}{:>12}{:>12}",
-        "parameters identified", "drawn", "change", "+-"
+        "{:<44}{:>14}{:>12}{:>12}{:>12}{}",
+        "parameters identified",
+        "value",
+        "+-",
+        "drawn",
+        "change",
+        if drawn_anew { "   +- by draws" } else { "" }
     )?;
     for p in parameters.iter().filter(|p| p.status == Status::Identified) {
         let (unit, factor) = shown(&p.unit);
@@ -233,10 +265,15 @@ fn parameters(out: &mut String, parameters: &[Parameter]) -> std::fmt::Result {
             .map_or_else(|| "-".to_owned(), |s| significant(s * factor));
         writeln!(
             out,
-            "  {:<42}{:>12}{:>12}{sigma:>12}",
+            "  {:<42}{:>14}{sigma:>12}{:>12}{:>12}{}",
             format!("{}, {unit}", p.name),
+            valued(p.value * factor, p.sigma.map(|s| s * factor)),
             drawn(p.nominal * factor),
             signed((p.value - p.nominal) * factor),
+            p.bootstrap.as_ref().map_or_else(String::new, |b| format!(
+                "{:>14}",
+                significant(b.sigma * factor)
+            )),
         )?;
     }
     writeln!(

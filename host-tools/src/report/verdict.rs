@@ -67,6 +67,27 @@ pub(super) fn judge(problem: &Problem, calibration: &Calibration, data: &Dataset
             unseen.length,
             seen.length,
         ),
+        (
+            "distances",
+            "distance_sigma_mm",
+            data.noise.distance,
+            unseen.distance,
+            seen.distance,
+        ),
+        (
+            "touches",
+            "contact_sigma_mm",
+            data.noise.contact,
+            unseen.contact,
+            seen.contact,
+        ),
+        (
+            "bearings",
+            "bearing_sigma_deg",
+            data.noise.bearing,
+            unseen.bearing,
+            seen.bearing,
+        ),
     ]
     .into_iter()
     .map(|(name, key, declared, unseen, fitted)| Kind {

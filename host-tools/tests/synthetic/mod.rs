@@ -10,6 +10,7 @@ use truepose::effects::Ambient;
 use truepose::{Convention, Joint, JointKind, LinkMass, Pose};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::linearize::Evaluator;
+use truepose_host::identify::method::Method;
 use truepose_host::identify::observation::{Observation, Sigmas};
 use truepose_host::identify::problem::Problem;
 use truepose_host::identify::structure::structure;
@@ -159,12 +160,7 @@ pub(crate) fn measured(
                 q: readings(arm, &mut random),
                 direction: vec![0.0; n],
                 travel: vec![0.0; n],
-                ambient: Ambient::default(),
-                session: 0,
-                position: None,
-                rotation: None,
-                targets: Vec::new(),
-                length: None,
+                ..Observation::default()
             };
             let pose = evaluator.observe(&o);
             let mut blur = |sigma: f64| {
@@ -202,6 +198,11 @@ pub(crate) fn problem(drawing: &ArmModel, identify: Vec<Observation>) -> Problem
         verify: Vec::new(),
         sigmas: SIGMAS,
         sessions: vec![0],
+        points: Vec::new(),
+        planes: Vec::new(),
+        stations: 0,
+        targets_known: false,
+        method: Method::default(),
         target_offsets: TARGETS
             .iter()
             .take(targets)
