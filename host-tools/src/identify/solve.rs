@@ -49,10 +49,14 @@ impl Solved {
         super::structure::singular_values(&self.triangle)
     }
 
-    /// Estimated variance of a whitened residual (1 where the declared noise is right).
+    /// Estimated variance of a whitened residual (1 where the declared noise is right). Where
+    /// there are no more equations than unknowns nothing is left to estimate it from, and the
+    /// declared noise is taken.
     pub fn variance(&self) -> f64 {
-        let freedom = self.equations.saturating_sub(self.unknowns.len()).max(1);
-        self.cost / freedom as f64
+        match self.equations.saturating_sub(self.unknowns.len()) {
+            0 => 1.0,
+            freedom => self.cost / freedom as f64,
+        }
     }
 
     /// Standard error of an unknown in its unit, by the residual's own size.
