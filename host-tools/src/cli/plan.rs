@@ -7,14 +7,18 @@ use serde_json::json;
 use truepose::Pose;
 use truepose::params::Blob;
 use truepose_host::description::Robot;
+use truepose_host::diagnose::diagnose;
 use truepose_host::error::Error;
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::observation::Sigmas;
 use truepose_host::identify::problem::ASSUMED;
+use truepose_host::identify::readings::identify_file;
 use truepose_host::measurement::{self, Expected, Measured, Purpose};
 use truepose_host::output::Output;
 use truepose_host::parameters;
-use truepose_host::plan::{self, Criterion, MeasuredArm, Plan, Seen, Sensitivity, Settings};
+use truepose_host::plan::{
+    self, Criterion, DECIDED, MeasuredArm, Plan, Seen, Sensitivity, Settings,
+};
 
 use super::options::Out;
 use super::progress::Progress;
@@ -38,6 +42,10 @@ pub(crate) struct Options {
     /// Poses measured already; they count, and say what is measured and how well
     #[arg(long, value_name = "D.csv")]
     data: Option<PathBuf>,
+    /// Choose the poses that tell explanations apart which --data leaves open: it is diagnosed
+    /// first
+    #[arg(long, requires = "data", conflicts_with_all = ["params", "measure", "minimax"])]
+    discriminate: bool,
     /// What will be measured; with --data, what was
     #[arg(long, value_enum)]
     measure: Option<Measure>,
@@ -92,6 +100,9 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
             options.robot.display()
         ))
     })?;
+    if options.discriminate {
+        return discriminating(options, &robot, &limits);
+    }
     let mut arm = known(options, &robot)?;
     let table = match &options.data {
         Some(file) => Some(measurement::read(
@@ -174,6 +185,95 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     ))
 }
 
+/// Diagnoses the data and chooses the poses that decide what it leaves open.
+fn discriminating(options: &Options, robot: &Robot, limits: &[[f64; 2]]) -> Result<Outcome, Error> {
+    let Some(file) = &options.data else {
+        return Err(Error::Usage("--discriminate needs --data".to_owned()));
+    };
+    let data = measurement::read(file, &Expected::of(robot), Purpose::Fit)?;
+    warn(&data.warnings);
+    let explain = |failure: truepose_host::identify::Failure| failure.explain(file);
+    let identified = identify_file(robot, &data, Vec::new()).map_err(explain)?;
+    let bar = indicatif::ProgressBar::new_spinner();
+    bar.enable_steady_tick(std::time::Duration::from_millis(200));
+    let diagnosis = diagnose(identified, &|step| bar.set_message(step.to_owned()));
+    bar.finish_and_clear();
+    let diagnosis = diagnosis.map_err(explain)?;
+    let decision = plan::discriminate(&diagnosis, limits, options.poses, options.seed);
+    let Some(decision) = decision else {
+        return Ok(Outcome {
+            text: format!(
+                "{}: nothing to tell apart, {} leaves no two explanations open\n",
+                robot.name,
+                file.display()
+            ),
+            json: json!({ "robot": robot.name, "disputes": [], "poses": 0 }),
+            outputs: Vec::new(),
+            answer: false,
+        });
+    };
+    let out = &options.out.out;
+    let mut text = format!(
+        "{}: {} poses chosen to tell {} pairs of explanations apart, written to {}, the most \
+         telling first\nexpected difference in BIC, by {} and with these poses:\n",
+        robot.name,
+        decision.poses.len(),
+        decision.disputes.len(),
+        out.display(),
+        file.display()
+    );
+    for dispute in &decision.disputes {
+        text += &format!(
+            "  {:>9}{:>9}  {} or {}\n",
+            three_digits(dispute.measured),
+            three_digits(dispute.planned),
+            dispute.found,
+            dispute.rival
+        );
+    }
+    let undecided = decision.disputes.iter().filter(|d| d.planned < DECIDED);
+    let undecided = undecided.count();
+    if undecided > 0 {
+        text += &format!(
+            "{undecided} of them stay open: more poses, or other loads, directions and \
+             temperatures, might decide\n"
+        );
+    }
+    let disputes: Vec<_> = decision
+        .disputes
+        .iter()
+        .map(|d| {
+            json!({ "found": d.found, "rival": d.rival, "bic_measured": d.measured,
+                    "bic_planned": d.planned })
+        })
+        .collect();
+    Ok(Outcome {
+        text,
+        json: json!({
+            "robot": robot.name,
+            "poses": decision.poses.len(),
+            "disputes": disputes,
+            "out": out,
+        }),
+        outputs: vec![Output {
+            file: out.clone(),
+            bytes: table_of(&decision.poses, robot.joints.len()).into_bytes(),
+        }],
+        answer: true,
+    })
+}
+
+/// Joint values, rad or m, as CSV.
+fn table_of(poses: &[Vec<f64>], joints: usize) -> String {
+    let names: Vec<String> = (1..=joints).map(|j| format!("q{j}")).collect();
+    let mut csv = names.join(",") + "\n";
+    for q in poses {
+        let cells: Vec<String> = q.iter().map(|x| format!("{x:.9}")).collect();
+        csv += &(cells.join(",") + "\n");
+    }
+    csv
+}
+
 /// The arm as far as it is known, its base in the world frame's origin.
 fn known(options: &Options, robot: &Robot) -> Result<ArmModel, Error> {
     let (joints, masses) = (robot.geometry(), robot.masses());
@@ -243,13 +343,7 @@ fn outcome(
     sigmas: Sigmas,
 ) -> Outcome {
     let out = &options.out.out;
-    let joints = robot.joints.len();
-    let names: Vec<String> = (1..=joints).map(|j| format!("q{j}")).collect();
-    let mut csv = names.join(",") + "\n";
-    for q in &chosen.poses {
-        let cells: Vec<String> = q.iter().map(|x| format!("{x:.9}")).collect();
-        csv += &(cells.join(",") + "\n");
-    }
+    let csv = table_of(&chosen.poses, robot.joints.len());
     let noise = match seen {
         Seen::Length => sigmas.length,
         _ => sigmas.position,

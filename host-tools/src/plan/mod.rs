@@ -9,6 +9,7 @@
 mod arm;
 mod bound;
 mod design;
+mod discriminate;
 mod forecast;
 mod search;
 
@@ -18,6 +19,8 @@ use crate::observability::{Observability, Unobservable};
 use crate::random::Random;
 
 pub use arm::{MeasuredArm, Seen, limits};
+pub use discriminate::{DECIDED, Decision, Dispute, discriminate};
+
 use design::Blocks;
 pub use forecast::Forecast;
 use search::{Aim, Chosen, Pool, anneal, exchange};
