@@ -192,6 +192,42 @@ fn frames_with_damage(random: &mut Random, count: usize) {
     assert!(taken < sent);
 }
 
+/// `count` frames, every one of them damaged or noise, to a controller that has seen the
+/// beginning of a transfer.
+fn damaged_frames_alone(random: &mut Random, count: usize) {
+    let good = good_blobs(random);
+    let mut controller = Controller::new("random", 2);
+    let frames = frames(&good[0], 1);
+    let whole: Vec<Vec<u8>> = frames.iter().map(|f| payload(f).unwrap()).collect();
+    let mut damage = 0;
+    while damage < count {
+        let bytes = if random.below(8) == 0 {
+            let length = random.below(300);
+            (0..length).map(|_| random.below(256) as u8).collect()
+        } else {
+            let other = &frames[random.below(frames.len())];
+            let one = &frames[random.below(frames.len())];
+            damaged(random, one, other)
+        };
+        if frames.contains(&bytes) {
+            continue;
+        }
+        damage += 1;
+        // A frame may have kept its beginning or its end whole, and no other can be.
+        if let Some(payload) = payload(&bytes) {
+            assert!(whole.contains(&payload), "an altered frame was taken");
+        }
+        controller.wire.coming.extend(&bytes);
+        while !controller.wire.coming.is_empty() {
+            controller.poll();
+        }
+        controller.wire.going.clear();
+        // Those that kept their beginning whole may add up to a transfer.
+        assert!(controller.saved.drain(..).all(|kept| kept == good[0]));
+    }
+    println!("{damage} damaged frames");
+}
+
 /// What the first frame in `bytes` holds.
 fn payload(bytes: &[u8]) -> Option<Vec<u8>> {
     let mut decoder = Decoder::new();
@@ -214,8 +250,14 @@ fn damaged_frames() {
 }
 
 #[test]
-#[ignore = "a minute in release mode"]
+fn damaged_frames_and_noise() {
+    damaged_frames_alone(&mut Random(75), 10_000);
+}
+
+#[test]
+#[ignore = "a million takes half a minute in release mode"]
 fn a_million() {
-    blobs_with_damage(&mut Random(73), 500_000);
+    blobs_with_damage(&mut Random(73), 550_000);
+    damaged_frames_alone(&mut Random(76), 500_000);
     frames_with_damage(&mut Random(74), 500_000);
 }

@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use truepose::params::BlobError;
 
+use crate::link::LinkError;
+
 /// Why a command could not do its work. Nothing has been written then.
 #[derive(Debug)]
 pub enum Error {
@@ -30,6 +32,13 @@ pub enum Error {
         file: PathBuf,
         /// Why.
         cause: BlobError,
+    },
+    /// A controller could not be reached.
+    Link {
+        /// As named on the command line.
+        port: String,
+        /// Why.
+        cause: LinkError,
     },
     /// A result could not be put into JSON.
     Json(serde_json::Error),
@@ -166,6 +175,7 @@ impl fmt::Display for Error {
             }
             Self::Input(bad) => write!(f, "{bad}"),
             Self::Blob { file, cause } => write!(f, "{}: {cause}", file.display()),
+            Self::Link { port, cause } => write!(f, "{port}: {cause}"),
             Self::Json(cause) => write!(f, "the result cannot be written as JSON: {cause}"),
             Self::Usage(what) => write!(f, "{what}"),
             Self::Drawing(cause) => write!(f, "the report cannot be drawn: {cause}"),
@@ -178,6 +188,7 @@ impl std::error::Error for Error {
         match self {
             Self::Read { cause, .. } | Self::Write { cause, .. } => Some(cause),
             Self::Blob { cause, .. } => Some(cause),
+            Self::Link { cause, .. } => Some(cause),
             Self::Json(cause) => Some(cause),
             Self::Drawing(cause) => Some(cause.as_ref()),
             Self::Input(_) | Self::Usage(_) => None,

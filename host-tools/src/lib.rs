@@ -14,6 +14,7 @@ pub mod identify;
 pub mod inspect;
 mod joints;
 mod keys;
+pub mod link;
 pub mod measurement;
 pub mod observability;
 pub mod output;

@@ -13,10 +13,12 @@ mod demo;
 mod diagnose;
 mod identify;
 mod inspect;
+mod monitor;
 mod options;
 mod plan;
 mod predict;
 mod progress;
+mod send;
 mod teach;
 mod verify;
 
@@ -53,6 +55,8 @@ enum Command {
     Convert(convert::Options),
     Demo(demo::Options),
     Inspect(inspect::Options),
+    Send(send::Options),
+    Monitor(monitor::Options),
 }
 
 /// What a command reads and writes, `--json` aside.
@@ -89,6 +93,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
         Command::Convert(options) => convert::files(options),
         Command::Demo(options) => demo::files(options),
         Command::Inspect(options) => inspect::files(options),
+        Command::Send(options) => send::files(options),
+        Command::Monitor(options) => monitor::files(options),
     };
     files.outputs.extend(arguments.json.as_deref());
     output::check(&files.outputs, &files.inputs)?;
@@ -104,6 +110,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Error> {
         Command::Convert(options) => convert::run(options),
         Command::Demo(options) => demo::run(options),
         Command::Inspect(options) => inspect::run(options),
+        Command::Send(options) => send::run(options),
+        Command::Monitor(options) => monitor::run(options),
     }?;
     if let Some(file) = &arguments.json {
         let mut bytes = format!("{:#}", outcome.json).into_bytes();

@@ -43,3 +43,14 @@ pub(super) struct Page {
     #[arg(long, value_name = "FILE.html")]
     pub(super) report: Option<PathBuf>,
 }
+
+/// `--port` and `--baud`.
+#[derive(Debug, Args)]
+pub(super) struct Wire {
+    /// Where the controller is: a serial device, or tcp:HOST:PORT
+    #[arg(long, value_name = "PORT")]
+    pub(super) port: String,
+    /// Speed of a serial device
+    #[arg(long, default_value_t = 115_200)]
+    pub(super) baud: u32,
+}

@@ -9,11 +9,18 @@ pub mod arm;
 #[cfg(target_os = "none")]
 pub mod board;
 pub mod compensation;
+#[cfg(target_os = "none")]
+pub mod control;
 pub mod controller;
 pub mod cost;
 pub mod draws;
 pub mod kinematics;
 pub mod parameters;
+pub mod ram;
+#[cfg(target_os = "none")]
+pub mod tick;
+#[cfg(target_os = "none")]
+pub mod uart;
 
 #[cfg(target_os = "none")]
 #[doc(hidden)]
