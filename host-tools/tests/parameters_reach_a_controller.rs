@@ -18,54 +18,13 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
-use embedded_storage::nor_flash::{self, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use support::{folder, robot, said, truepose, write_blob};
 use truepose::budget::Budget;
 use truepose::compensate::{Compensator, Request};
 use truepose::link::{Event, Link, Tally};
 use truepose::params::decode;
 use truepose::storage::{Flash, Store};
-
-/// Flash that is forgotten when the power goes.
-struct Ram(Vec<u8>);
-
-impl nor_flash::ErrorType for Ram {
-    type Error = NorFlashErrorKind;
-}
-
-impl ReadNorFlash for Ram {
-    const READ_SIZE: usize = 4;
-
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
-        nor_flash::check_read(self, offset, bytes.len())?;
-        let from = offset as usize;
-        bytes.copy_from_slice(&self.0[from..from + bytes.len()]);
-        Ok(())
-    }
-
-    fn capacity(&self) -> usize {
-        self.0.len()
-    }
-}
-
-impl NorFlash for Ram {
-    const WRITE_SIZE: usize = 4;
-    const ERASE_SIZE: usize = 1024;
-
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
-        nor_flash::check_erase(self, from, to)?;
-        self.0[from as usize..to as usize].fill(0xFF);
-        Ok(())
-    }
-
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
-        nor_flash::check_write(self, offset, bytes.len())?;
-        for (to, from) in self.0[offset as usize..].iter_mut().zip(bytes) {
-            *to &= from;
-        }
-        Ok(())
-    }
-}
+use truepose_firmware::ram::Ram;
 
 /// A socket as a UART. Of every `harm` bytes in either direction one is altered, one lost.
 struct Wire {
@@ -172,7 +131,7 @@ impl Drop for Controller {
 /// Takes one connection after the other; a request to the loop in every turn.
 fn serve(listener: &TcpListener, stop: &AtomicBool, name: &str, harm: usize, prompt: bool) {
     listener.set_nonblocking(true).unwrap();
-    let mut store = Store::new(Flash::new(Ram(vec![0xFF; 16_384]))).unwrap();
+    let mut store = Store::new(Flash::new(Ram::new())).unwrap();
     let (mut room, mut used) = (vec![0; 8192], Vec::new());
     let mut link = Link::new(name, "simulated", 6);
     let mut tally = Tally::default();
@@ -306,7 +265,7 @@ fn where_nobody_answers_it_says_so() {
         format!("tcp:{}", other.local_addr().unwrap())
     };
     for (port, words) in [
-        (silent.as_str(), "no answer to 5 requests of 0.6 s each"),
+        (silent.as_str(), "no answer to 5 requests of 0.2 s each"),
         (&gone, "cannot be opened"),
         ("/dev/no-such-port", "cannot be opened"),
         ("tcp:nonsense", "cannot be opened"),
@@ -315,7 +274,8 @@ fn where_nobody_answers_it_says_so() {
             &["send", "--params", "P.tpb", "--port"][..],
             &["monitor", "--port"],
         ] {
-            let arguments = [command, &[port, "--json", "X.json"]].concat();
+            let more = [port, "--json", "X.json", "--patience", "0.2"];
+            let arguments = [command, &more].concat();
             let (status, text, talk) = said(&truepose(&folder, &arguments));
             assert_eq!((status, text.as_str()), (2, ""), "{talk}");
             assert!(talk.starts_with(&format!("error: {port}: ")), "{talk}");

@@ -9,9 +9,9 @@ use clap::Args;
 use serde_json::{Value, json};
 use truepose::link::{Report, Stage, Tally};
 use truepose_host::error::Error;
-use truepose_host::link::{Client, Controller, LinkError, Port};
+use truepose_host::link::Controller;
 
-use super::options::Wire;
+use super::options::{Wire, seconds};
 use super::send::{checksum_text, controller_json};
 use super::{Files, Outcome};
 
@@ -29,13 +29,6 @@ pub(crate) struct Options {
     every: f64,
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(s) if (0.01..=86_400.0).contains(&s) => Ok(s),
-        _ => Err("expected seconds, 0.01 to 86400".to_owned()),
-    }
-}
-
 pub(crate) fn files(_: &Options) -> Files<'_> {
     Files {
         inputs: Vec::new(),
@@ -44,16 +37,12 @@ pub(crate) fn files(_: &Options) -> Files<'_> {
 }
 
 pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
-    let Wire { port, baud } = &options.wire;
-    let link = |cause: LinkError| Error::Link {
-        port: port.clone(),
-        cause,
-    };
-    let mut client = Client::new(Port::open(port, *baud).map_err(link)?);
-    let controller = client.identify().map_err(link)?;
+    let wire = &options.wire;
+    let (mut client, controller) = wire.connect()?;
+    let mut status = || client.status().map_err(|cause| wire.error(cause));
     let mut samples: Vec<Report> = Vec::new();
     let began = Instant::now();
-    let mut last = client.status().map_err(link)?;
+    let mut last = status()?;
     samples.push(last);
     let many = options.samples != 1;
     if many {
@@ -63,7 +52,7 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     while options.samples == 0 || samples.len() < options.samples as usize {
         let next = Duration::from_secs_f64(options.every * samples.len() as f64);
         sleep(next.saturating_sub(began.elapsed()));
-        last = client.status().map_err(link)?;
+        last = status()?;
         say(&row(&last));
         // Without an end nobody will ask for them.
         if options.samples != 0 {

@@ -1,8 +1,11 @@
 //! Options that several subcommands share, each defined once.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::Args;
+use truepose_host::error::Error;
+use truepose_host::link::{Client, Controller, LinkError, Port};
 
 /// `--params`.
 #[derive(Debug, Args)]
@@ -53,4 +56,36 @@ pub(super) struct Wire {
     /// Speed of a serial device
     #[arg(long, default_value_t = 115_200)]
     pub(super) baud: u32,
+    /// Seconds until a request without an answer is sent again
+    #[arg(long, default_value_t = 1.0, value_name = "S", value_parser = seconds)]
+    pub(super) patience: f64,
+}
+
+impl Wire {
+    /// The link to whoever is there, and who it is.
+    pub(super) fn connect(&self) -> Result<(Client, Controller), Error> {
+        let patience = Duration::from_secs_f64(self.patience);
+        let connected = Port::open(&self.port, self.baud).and_then(|port| {
+            let mut client = Client::new(port, patience);
+            let controller = client.identify()?;
+            Ok((client, controller))
+        });
+        connected.map_err(|cause| self.error(cause))
+    }
+
+    /// What went wrong, with the port's name.
+    pub(super) fn error(&self, cause: LinkError) -> Error {
+        Error::Link {
+            port: self.port.clone(),
+            cause,
+        }
+    }
+}
+
+/// A time that a person waits.
+pub(super) fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(s) if (0.01..=86_400.0).contains(&s) => Ok(s),
+        _ => Err("expected seconds, 0.01 to 86400".to_owned()),
+    }
 }

@@ -4,7 +4,7 @@ use clap::Args;
 use serde_json::{Value, json};
 use truepose::link::Active;
 use truepose_host::error::Error;
-use truepose_host::link::{Client, Controller, LinkError, Port, Sent, send};
+use truepose_host::link::{Controller, Sent, send};
 use truepose_host::parameters;
 
 use super::options::{Params, Wire};
@@ -31,18 +31,12 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     let params = &options.params.params;
     let bytes = parameters::read(params)?;
     let blob = parameters::decode(params, &bytes)?;
-    let Wire { port, baud } = &options.wire;
-    let link = |cause: LinkError| Error::Link {
-        port: port.clone(),
-        cause,
-    };
-    let mut client = Client::new(Port::open(port, *baud).map_err(link)?);
-    let controller = client.identify().map_err(link)?;
+    let (mut client, controller) = options.wire.connect()?;
     let mut progress = Progress::new("sending");
     let sent = send(&mut client, &controller, &blob, &bytes, &mut |share| {
         progress.tell(share);
     })
-    .map_err(link)?;
+    .map_err(|cause| options.wire.error(cause))?;
     drop(progress);
 
     let (file, robot) = (params.display(), &controller.robot);

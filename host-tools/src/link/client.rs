@@ -1,6 +1,7 @@
 //! Asks, and asks again where the answer was lost.
 
-use std::time::{Duration, Instant};
+use std::process;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use truepose::link::{
     Active, Answer, Ask, Decoder, Frame, Identity, PROTOCOL, Refusal, Reply, Report, Request,
@@ -8,8 +9,7 @@ use truepose::link::{
 
 use super::{LinkError, Port};
 
-/// How long an answer may take, and how often a request is sent.
-pub(super) const PATIENCE: Duration = Duration::from_millis(600);
+/// How often a request is sent.
 const TRIES: u32 = 5;
 
 /// Who is at the other end.
@@ -82,18 +82,27 @@ impl From<Reply<'_>> for Said {
 #[derive(Debug)]
 pub struct Client {
     port: Port,
+    patience: Duration,
     decoder: Decoder,
     number: u16,
 }
 
 impl Client {
-    /// A link over `port`.
-    pub fn new(port: Port) -> Self {
+    /// A link over `port`; a request is sent again where no answer comes within `patience`.
+    pub fn new(port: Port, patience: Duration) -> Self {
         Self {
             port,
+            patience,
             decoder: Decoder::new(),
-            number: 0,
+            // Answers to whoever was here before are not for us.
+            number: (made_up() >> 16) as u16,
         }
+    }
+
+    /// The number of the next request, not 0.
+    pub(super) fn next(&mut self) -> u16 {
+        self.number = self.number % u16::MAX + 1;
+        self.number
     }
 
     /// Who is there?
@@ -122,8 +131,10 @@ impl Client {
     /// The answer to `ask`, which may be sent several times.
     pub(super) fn ask(&mut self, ask: Ask<'_>) -> Result<Heard, LinkError> {
         let mut garbled = None;
+        // The same at every try: the answer to an earlier one may be late, not lost.
+        let number = self.next();
         for tries in 1..=TRIES {
-            match self.once(ask, PATIENCE)? {
+            match self.once(number, ask, self.patience)? {
                 // The other end could not read it.
                 Some((0, said)) => garbled = Some(said),
                 Some((_, said)) => return Ok(Heard { said, tries }),
@@ -134,7 +145,7 @@ impl Client {
             Some(Said::Refused(refusal)) => Err(LinkError::Refused(refusal)),
             _ => Err(LinkError::Silent {
                 tries: TRIES,
-                patience: PATIENCE,
+                patience: self.patience,
             }),
         }
     }
@@ -143,11 +154,10 @@ impl Client {
     /// came damaged.
     pub(super) fn once(
         &mut self,
+        number: u16,
         ask: Ask<'_>,
         patience: Duration,
     ) -> Result<Option<(u16, Said)>, LinkError> {
-        self.number = self.number % u16::MAX + 1;
-        let number = self.number;
         let frame = Frame::of(&Request { number, ask }).ok_or(LinkError::Unexpected {
             request: "a request longer than a frame",
         })?;
@@ -176,4 +186,11 @@ impl Client {
         }
         Ok(None)
     }
+}
+
+/// A number that the last session, or the last transfer, did not have.
+pub(super) fn made_up() -> u32 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    let nanos = now.map_or(0, |now| now.as_nanos());
+    (nanos as u32).wrapping_mul(0x9E37_79B9) ^ (nanos >> 32) as u32 ^ process::id()
 }

@@ -1,14 +1,13 @@
 //! A blob on its way to a controller.
 
-use std::process;
 use std::thread::sleep;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use truepose::link::{Active, Announcement, Ask, CHUNK, Refusal};
 use truepose::params::{Blob, LAYOUT, checksum};
 
 use super::LinkError;
-use super::client::{Client, Controller, Said};
+use super::client::{Client, Controller, Said, made_up};
 
 /// How long a controller may take to keep a blob: a large flash block may take seconds to
 /// erase.
@@ -106,8 +105,9 @@ enum Commit {
 fn commit(client: &mut Client, transfer: u32) -> Result<Commit, LinkError> {
     let began = Instant::now();
     let mut patience = KEEPING;
+    let number = client.next();
     loop {
-        match client.once(Ask::Commit { transfer }, patience)? {
+        match client.once(number, Ask::Commit { transfer }, patience)? {
             Some((_, Said::Committed(active))) => return Ok(Commit::Kept(active)),
             // It came damaged: it has not begun.
             Some((0, Said::Refused(_))) if began.elapsed() < KEEPING => {}
@@ -136,11 +136,4 @@ fn in_use(
         }
         sleep(Duration::from_millis(50));
     }
-}
-
-/// A number that the last transfer did not have.
-fn made_up() -> u32 {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH);
-    let nanos = now.map_or(0, |now| now.as_nanos());
-    (nanos as u32) ^ ((nanos >> 32) as u32) ^ process::id().rotate_left(16)
 }

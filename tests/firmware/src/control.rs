@@ -18,12 +18,18 @@ use crate::ram::Ram;
 use crate::tick;
 use crate::uart::{Timer, Uart};
 
-/// Ticks of 25 MHz from one command to the next: 10 ms, or 39 000 instructions here, as many as
-/// a millisecond has at 39 MHz.
-const PERIOD: u32 = 250_000;
+/// Ticks of 25 MHz from one command to the next: 20 ms, or 78 000 instructions here, as many as
+/// a millisecond has at 78 MHz.
+const PERIOD: u32 = 500_000;
 
 /// Instructions that an answer may take.
-const LIMIT: u32 = 20_000;
+const LIMIT: u32 = 60_000;
+
+/// Cycles between two questions to a UART that has nothing.
+const PAUSE: u32 = 2000;
+
+/// The middle of the path, rad: away from singular poses.
+const MIDDLE: [f32; JOINTS] = [0.3, 0.1, -0.6, 0.3, 1.0, 0.3];
 
 /// Commands from one end of the path to the other.
 const PATH: u32 = 500;
@@ -47,7 +53,11 @@ impl Course {
         self.due = self.due.wrapping_add(PERIOD.wrapping_mul(missed + 1));
         self.command = (self.command + 1) % (2 * PATH);
         let way = self.command.abs_diff(PATH) as f32 / PATH as f32 - 0.5;
-        (TRAVEL.map(|travel| 0.6 * travel * way + 0.3), missed)
+        let mut q = MIDDLE;
+        for (q, travel) in q.iter_mut().zip(TRAVEL) {
+            *q += 0.4 * travel * way;
+        }
+        (q, missed)
     }
 }
 
@@ -88,7 +98,9 @@ impl Below<'_> {
                     .poll(&mut self.uart, &mut self.store, room, &tally);
                 match result {
                     Ok(Event::Saved(active)) => break active,
-                    Ok(Event::Idle | Event::Worked) => {}
+                    Ok(Event::Worked) => {}
+                    // Whoever asks the UART all the time keeps the emulator from filling it.
+                    Ok(Event::Idle) => cortex_m::asm::delay(PAUSE),
                     Err(error) => match error {},
                 }
             };
@@ -110,13 +122,6 @@ pub fn run(_: &mut dyn fmt::Write) -> fmt::Result {
 
 fn start() -> Result<Infallible, fmt::Error> {
     let mut core = cortex_m::Peripherals::take().ok_or(fmt::Error)?;
-    let timer = Timer::start();
-    tick::every(&mut core.SYST, PERIOD);
-    let mut course = Course {
-        timer,
-        command: 0,
-        due: timer.ticks().wrapping_add(PERIOD),
-    };
     let mut below = Below {
         link: Link::new("PUMA 560", "truepose-firmware", JOINTS as u8),
         uart: Uart::start(),
@@ -130,6 +135,13 @@ fn start() -> Result<Infallible, fmt::Error> {
     // One holds the parameters in use, the other takes new ones in.
     let (mut one, mut other) = ([0; ROOM], [0; ROOM]);
     let mut model = decode(RIGID).map_err(|_| fmt::Error)?;
+    let timer = Timer::start();
+    tick::every(&mut core.SYST, PERIOD);
+    let mut course = Course {
+        timer,
+        command: 0,
+        due: timer.ticks().wrapping_add(PERIOD),
+    };
     loop {
         let next = below
             .until_new(&model, &mut other, &mut course)
