@@ -13,6 +13,7 @@ pub mod compensation;
 pub mod control;
 pub mod controller;
 pub mod cost;
+pub mod double;
 pub mod draws;
 pub mod kinematics;
 pub mod parameters;
