@@ -7,6 +7,8 @@ pub mod budget;
 mod chain;
 pub mod compensate;
 pub mod effects;
+#[cfg(feature = "hal")]
+pub mod hal;
 pub mod jacobian;
 mod joint;
 #[cfg(feature = "link")]
