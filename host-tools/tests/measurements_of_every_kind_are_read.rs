@@ -1,6 +1,11 @@
 //! `identify` on files of distances, touches and bearings, by every estimator; what cannot be
 //! meant is named.
 
+#![expect(
+    clippy::unwrap_used,
+    reason = "a file that cannot be read in a test helper is a failed test"
+)]
+
 mod support;
 
 use std::fmt::Write;

@@ -320,8 +320,8 @@ pub fn columns(
         if matches!(hypothesis.members, Members::Curve(_)) {
             continue;
         }
-        for k in start..start + len {
-            let rms = (squares[k] / observations.len().max(1) as f64).sqrt();
+        for (k, square) in squares.iter().enumerate().skip(start).take(len) {
+            let rms = (square / observations.len().max(1) as f64).sqrt();
             let scale = if rms > 1e-12 { PLAUSIBLE / rms } else { 0.0 };
             matrix.column_mut(k).scale_mut(scale);
         }

@@ -227,11 +227,9 @@ impl Basis {
     fn combination(&self, coefficients: Vec<f64>, kept: &[usize]) -> Vec<(usize, f64)> {
         let mut weights = coefficients;
         for i in (0..weights.len()).rev() {
-            let mut w = weights[i];
-            for j in i + 1..weights.len() {
-                w -= self.triangle[j][i] * weights[j];
-            }
-            weights[i] = w / self.triangle[i][i];
+            let later = self.triangle.iter().zip(&weights).skip(i + 1);
+            let taken: f64 = later.map(|(column, w)| column[i] * w).sum();
+            weights[i] = (weights[i] - taken) / self.triangle[i][i];
         }
         let mut combination: Vec<(usize, f64)> = kept
             .iter()
