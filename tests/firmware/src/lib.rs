@@ -5,12 +5,12 @@
 //! it prints through the emulator's console; on the host to standard output.
 //! `tests/emulator_agrees_with_host.rs` runs both and compares.
 
+#[cfg(target_os = "none")]
+pub mod above_link;
 pub mod arm;
 #[cfg(target_os = "none")]
 pub mod board;
 pub mod compensation;
-#[cfg(target_os = "none")]
-pub mod control;
 pub mod controller;
 pub mod cost;
 pub mod double;

@@ -3,7 +3,7 @@
 //! `tools/cargo-thumb run --release -p truepose-firmware --bin link -- -serial pty`
 
 #[cfg(target_os = "none")]
-truepose_firmware::program!(truepose_firmware::control::run);
+truepose_firmware::program!(truepose_firmware::above_link::run);
 
 #[cfg(not(target_os = "none"))]
 fn main() {
