@@ -23,6 +23,7 @@ mod step;
 mod swift;
 pub mod task_point;
 mod taught;
+pub mod wrist_jacobian;
 
 use crate::budget::{Budget, Clock, Cost};
 use crate::effects::Conditions;

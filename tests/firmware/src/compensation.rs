@@ -55,7 +55,7 @@ fn along_the_path(index: usize) -> Request<f32, JOINTS> {
 }
 
 /// `q` as bits, the status, the iterations; after `@` what the clock counted, if it runs.
-fn line(out: &mut dyn Write, outcome: &Outcome<f32, JOINTS>) -> fmt::Result {
+pub(crate) fn line(out: &mut dyn Write, outcome: &Outcome<f32, JOINTS>) -> fmt::Result {
     for q in outcome.q {
         write!(out, "{:08x} ", q.to_bits())?;
     }

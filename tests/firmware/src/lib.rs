@@ -16,6 +16,7 @@ pub mod cost;
 pub mod double;
 pub mod draws;
 pub mod kinematics;
+pub mod methods;
 pub mod parameters;
 pub mod ram;
 #[cfg(target_os = "none")]

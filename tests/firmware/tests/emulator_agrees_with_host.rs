@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use truepose::budget::NoClock;
-use truepose_firmware::{compensation, double, kinematics};
+use truepose_firmware::{compensation, double, kinematics, methods};
 
 type Outcome = Result<(), Box<dyn Error>>;
 
@@ -106,4 +106,9 @@ fn commands_in_double_precision_have_the_same_bits() -> Outcome {
         core.compare("double", double::print)?;
     }
     Ok(())
+}
+
+#[test]
+fn commands_of_every_method_have_the_same_bits() -> Outcome {
+    CORTEX_M4F.compare("methods", |out| methods::print(out, &NoClock))
 }
