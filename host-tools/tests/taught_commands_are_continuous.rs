@@ -143,3 +143,31 @@ fn what_was_not_taught_is_nearly_as_good() {
         assert_eq!((outcome.status, outcome.q), (Status::OutsideRegion, far));
     }
 }
+
+/// MRD 5.196 to 5.198: positions only, the wrist as a translation of the tool, in a tenth of the
+/// memory. Best where the arm stands as it was taught.
+#[test]
+fn the_wrist_is_compensated_as_a_translation_of_the_tool() {
+    let mut random = Random(94);
+    let blob = blob(off(&mut random), &[]);
+    let middle = [0.2, -0.3, 0.7, 0.3, 0.9, 0.0];
+    for (arm, least) in [(0.02, 500.0), (0.2, 100.0)] {
+        let region: Vec<[f64; 2]> = (0..6)
+            .map(|j| if j < 3 { arm } else { 0.35 })
+            .zip(middle)
+            .map(|(half, q)| [q - half, q + half])
+            .collect();
+        let form = Form::largest_wrist(6, 1_000).unwrap();
+        assert_eq!(form, Form::Wrist { degree: 3 });
+        let taught = teach(&blob, form, &region).unwrap();
+        assert_eq!(Some(taught.table.len()), form.bytes(6));
+        let mut blob = blob.clone();
+        taught.put(&mut blob);
+        let [before, after] = test(&blob, &region).unwrap();
+        println!("{arm}: {before:?} {after:?}");
+        assert!(
+            after.position * least < before.position,
+            "{before:?} {after:?}"
+        );
+    }
+}

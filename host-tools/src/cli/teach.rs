@@ -12,6 +12,7 @@ use truepose_host::error::Error;
 use truepose_host::measurement::{self, Expected, Purpose};
 use truepose_host::output::Output;
 use truepose_host::parameters;
+use truepose_host::teach::wrist::ARM;
 use truepose_host::teach::{Form, Held, TESTED, region, teach, test};
 
 use super::options::{Out, Params};
@@ -26,6 +27,10 @@ pub(crate) struct Options {
     /// What is taught: polynomials of the joints, or tables
     #[arg(long, value_name = "M", value_parser = PossibleValuesParser::new([Method::Polynomial.name(), Method::Cmac.name()]))]
     method: String,
+    /// Polynomials of the first three joints, and of the wrist as a translation of the tool: a
+    /// fraction of the memory, positions only
+    #[arg(long)]
+    wrist: bool,
     /// Commands (q1, ...) that span the region to teach; without them, all between the limits
     #[arg(long, value_name = "T.csv")]
     targets: Option<PathBuf>,
@@ -66,8 +71,16 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
         ))
     })?;
     let room = 1000 * options.memory as usize;
-    let form = Method::named(&options.method)
-        .and_then(|method| Form::largest(method, joints, room))
+    let method = Method::named(&options.method);
+    let largest = match (options.wrist, method) {
+        (true, Some(Method::Polynomial)) if joints > ARM => Some(Form::largest_wrist(joints, room)),
+        (true, _) => {
+            let why = "--wrist is for polynomials of arms of more than three joints";
+            return Err(refused(why.to_owned()));
+        }
+        (false, method) => method.and_then(|method| Form::largest(method, joints, room)),
+    };
+    let form = largest
         .ok_or_else(|| refused(format!("{} is not taught", options.method)))?
         .map_err(|bytes| {
             refused(format!(
@@ -90,7 +103,8 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     let [before, after] = test(&blob, &region).map_err(unsound)?;
     let encoded = encoded(&blob).map_err(unsound)?;
 
-    let better = after.position < before.position && after.orientation < before.orientation;
+    let better = after.position < before.position
+        && (options.wrist || after.orientation < before.orientation);
     let mut text = format!(
         "{}: {what}, {} of tables, written to {} ({})\n\
          error of {TESTED} commands that were not taught, rms: {} before, {} after\n\
@@ -141,6 +155,10 @@ fn described(form: Form, joints: usize) -> String {
         Form::Polynomial { degree } => format!(
             "polynomials of degree {degree} in {joints} joints, {} terms",
             terms(joints, usize::from(degree))
+        ),
+        Form::Wrist { degree } => format!(
+            "polynomials of degree {degree} in {ARM} joints, the wrist's {} as a translation",
+            joints - ARM
         ),
         Form::Cmac(layout) => format!(
             "CMAC of {joints} joints, {} quantising functions of {} cells along each",

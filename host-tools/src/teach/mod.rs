@@ -8,6 +8,7 @@
 pub mod cmac;
 pub mod points;
 pub mod polynomial;
+pub mod wrist;
 
 use heapless::Vec as Bounded;
 use truepose::budget::Budget;
@@ -38,6 +39,12 @@ pub struct Lessons {
 pub enum Form {
     /// Polynomials up to a degree.
     Polynomial {
+        /// Sum of the exponents.
+        degree: u8,
+    },
+    /// Polynomials of the first three joints, and of the others as a translation of the tool:
+    /// positions only, so that the settings' weight of the orientation becomes zero.
+    Wrist {
         /// Sum of the exponents.
         degree: u8,
     },
@@ -79,7 +86,7 @@ impl Form {
     /// with the room that the smallest takes where none fits. `None` for a method without
     /// tables.
     pub fn largest(method: Method, joints: usize, room: usize) -> Option<Result<Self, usize>> {
-        let mut forms: Box<dyn Iterator<Item = Self>> = match method {
+        let forms: Box<dyn Iterator<Item = Self>> = match method {
             Method::Polynomial => {
                 let few = move |degree: &u8| terms(joints, usize::from(*degree)) <= TERMS;
                 let degrees = (1..=MAX_DEGREE).take_while(few);
@@ -91,12 +98,26 @@ impl Form {
             }
             Method::InverseJacobian | Method::Lqr | Method::TaskPoint => return None,
         };
-        let smallest = forms.next()?;
+        Some(Self::largest_of(forms, joints, room))
+    }
+
+    /// The largest [`Form::Wrist`], likewise.
+    pub fn largest_wrist(joints: usize, room: usize) -> Result<Self, usize> {
+        let forms = (1..=MAX_DEGREE).map(|degree| Self::Wrist { degree });
+        Self::largest_of(forms, joints, room)
+    }
+
+    fn largest_of(
+        mut forms: impl Iterator<Item = Self>,
+        joints: usize,
+        room: usize,
+    ) -> Result<Self, usize> {
+        let smallest = forms.next().ok_or(usize::MAX)?;
         let fits = |form: &Self| form.bytes(joints).is_some_and(|bytes| bytes <= room);
         if !fits(&smallest) {
-            return Some(Err(smallest.bytes(joints).unwrap_or(usize::MAX)));
+            return Err(smallest.bytes(joints).unwrap_or(usize::MAX));
         }
-        Some(Ok(forms.take_while(fits).last().unwrap_or(smallest)))
+        Ok(forms.take_while(fits).last().unwrap_or(smallest))
     }
 
     /// Bytes of its table, for as many outputs as inputs; `None` beyond what can be counted.
@@ -105,6 +126,12 @@ impl Form {
             Self::Polynomial { degree } => {
                 terms(joints, usize::from(*degree)).checked_mul(4 * joints)
             }
+            Self::Wrist { degree } => {
+                let degree = usize::from(*degree);
+                let arm = terms(wrist::ARM, degree).checked_mul(joints)?;
+                let rest = terms(joints.saturating_sub(wrist::ARM), degree).checked_mul(3)?;
+                arm.checked_add(rest)?.checked_mul(4)
+            }
             Self::Cmac(layout) => layout.words(joints)?.checked_mul(2 * joints),
         }
     }
@@ -112,7 +139,7 @@ impl Form {
     /// The method that uses it.
     pub fn method(&self) -> Method {
         match self {
-            Self::Polynomial { .. } => Method::Polynomial,
+            Self::Polynomial { .. } | Self::Wrist { .. } => Method::Polynomial,
             Self::Cmac(_) => Method::Cmac,
         }
     }
@@ -125,6 +152,15 @@ pub fn teach(
     region: &[[f64; 2]],
 ) -> Result<Approximation, &'static str> {
     let q = match form {
+        Form::Wrist { degree } => {
+            let [arm, wrist] = wrist::teach(blob, region, degree)?;
+            return Ok(Approximation {
+                form,
+                region: region.to_vec(),
+                scale: Vec::new(),
+                table: [arm, wrist].concat(),
+            });
+        }
         Form::Polynomial { degree } => points::chebyshev(region, usize::from(degree)),
         Form::Cmac(layout) => points::scattered(region, cmac::lessons(&layout, region.len())),
     };
@@ -143,6 +179,7 @@ pub fn teach(
 pub fn from_lessons(form: Form, lessons: &Lessons) -> Result<Approximation, &'static str> {
     let (scale, table) = match form {
         Form::Polynomial { degree } => (Vec::new(), polynomial::fit(lessons, degree)?),
+        Form::Wrist { .. } => return Err("the wrist is taught from the model alone"),
         Form::Cmac(layout) => cmac::fit(lessons, layout),
     };
     Ok(Approximation {
@@ -167,6 +204,23 @@ impl Approximation {
                     },
                     tool: None,
                 });
+            }
+            Form::Wrist { degree } => {
+                let joints = self.region.len();
+                let arm = terms(wrist::ARM, usize::from(degree)) * joints * 4;
+                let (arm, rest) = self.table.split_at(arm.min(self.table.len()));
+                let block = |region: &[[f64; 2]], coefficients| Block {
+                    region: Region(region.iter().copied().collect()),
+                    degree,
+                    coefficients,
+                };
+                let (first, others) = self.region.split_at(wrist::ARM.min(joints));
+                blob.taught.polynomial = Some(Polynomial {
+                    joints: block(first, arm),
+                    tool: Some(block(others, rest)),
+                });
+                // Orientations are not looked at, nor spared.
+                blob.settings.orientation_weight = 0.0;
             }
             Form::Cmac(layout) => {
                 blob.taught.cmac = Some(Cmac {
