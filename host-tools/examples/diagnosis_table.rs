@@ -47,6 +47,12 @@ struct Scenario {
     kinds: Vec<&'static str>,
     at_once: usize,
     rows: usize,
+    /// Share of the joints' ranges that is used.
+    range: f64,
+    /// The temperature rises in proportion to time.
+    warming: bool,
+    /// Placements of the instrument that are written down.
+    sessions: u32,
     instrument: fn(Seen) -> Instrument,
 }
 
@@ -57,6 +63,9 @@ impl Scenario {
             kinds,
             at_once,
             rows: 150,
+            range: 0.9,
+            warming: false,
+            sessions: 2,
             instrument: Instrument::new,
         };
         let heavy = |seen| Instrument {
@@ -91,6 +100,18 @@ impl Scenario {
             "one-30-poses" => Self {
                 rows: 45,
                 ..plain(KINDS.to_vec(), 1)
+            },
+            "short-range" => Self {
+                range: 0.15,
+                ..plain(vec!["joint-gain", "gear-eccentricity"], 1)
+            },
+            "warming" => Self {
+                warming: true,
+                ..plain(vec!["thermal-drift", "time-drift"], 1)
+            },
+            "instrument-moved" => Self {
+                sessions: 1,
+                ..plain(vec!["instrument-moved"], 1)
             },
             "outside" => plain(Hidden::OUTSIDE.to_vec(), 1),
             name => {
@@ -151,9 +172,13 @@ fn run(scenario: &Scenario, seed: u64) -> Result<Option<Run>, String> {
     let kinds: Vec<&str> = (0..scenario.at_once).map(pick).collect();
     let mut conditions = Conditions::rich();
     conditions.approached = !kinds.contains(&"early-reading");
+    conditions.range = scenario.range;
     let instrument = (scenario.instrument)(seen);
     let empty = Cell::new(arm, seed);
-    let visits = empty.schedule(&conditions, scenario.rows, 0);
+    let mut visits = empty.schedule(&conditions, scenario.rows, 0);
+    for visit in visits.iter_mut().filter(|_| scenario.warming) {
+        visit.temperature = 20.0 + visit.time / 400.0;
+    }
     let mut cell = empty.clone();
     let mut hidden = Vec::new();
     for (i, kind) in kinds.iter().enumerate() {
@@ -170,6 +195,8 @@ fn run(scenario: &Scenario, seed: u64) -> Result<Option<Run>, String> {
         }
         hidden.push(drawn);
     }
+    // the instrument may move without anybody writing it down
+    conditions.sessions = scenario.sessions;
     let fitted = |cell: &Cell| {
         let measured = cell.measure(&visits, &conditions, &instrument, 0);
         let gross: Vec<usize> = (0..measured.rows.len())
@@ -269,7 +296,7 @@ fn line(scenario: &Scenario, runs: &[Run]) -> String {
     };
     let remains = |r: &Run| r.answer == Some(Answer::StructureRemains);
     format!(
-        "| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {:.3} / {:.3} | {:.3} | {removed} |",
+        "| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {:.3} / {:.3} | {:.3} | {removed} |",
         scenario.name,
         runs.len(),
         count(&|r| r.first),
@@ -279,6 +306,7 @@ fn line(scenario: &Scenario, runs: &[Run]) -> String {
         count(&|r| r.unnamed),
         count(&|r| r.blamed),
         count(&remains),
+        count(&|r| r.answer == Some(Answer::Ambiguous)),
         count(&|r| r.names > 0 && !remains(r)),
         at(&over_floor, 0.5),
         at(&over_floor, 0.95),
@@ -294,16 +322,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let lines = arguments.next().unwrap_or_else(|| {
         let scenarios = "nothing,nothing-heavy-tails,nothing-wrong-ratio,one,one-outliers,\
-                         one-30-poses,two,three";
+                         one-30-poses,short-range,warming,two,three,\
+                         instrument-moved";
         let kinds = KINDS.iter().chain(&Hidden::OUTSIDE);
         kinds.fold(scenarios.to_owned(), |all, kind| format!("{all},{kind}"))
     });
     println!(
         "| line | runs | first | all named | all listed | further name | unnamed | table blamed | \
-         structure remains | name without it | final / floor: median / 95 % | \
+         structure remains | ambiguous | name without it | final / floor: median / 95 % | \
          worst final / geometry | excess removed |"
     );
-    println!("|{}", " --- |".repeat(13));
+    println!("|{}", " --- |".repeat(14));
     for name in lines.split(',') {
         let scenario = Scenario::named(name).ok_or_else(|| format!("no line {name}"))?;
         let runs: Vec<Option<Run>> = (0..seeds)

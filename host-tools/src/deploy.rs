@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use truepose::effects::{Effect, Place};
 use truepose::params::{Blob, BlobError, Description, MAX_JOINTS, Provenance, UNLIMITED};
 use truepose::taught::Taught;
 use truepose::{LinkMass, Settings};
@@ -95,16 +96,21 @@ pub fn encoded(blob: &Blob<'_>) -> Result<Vec<u8>, BlobError> {
 }
 
 /// Effects of which the fit found any value; the others are zero.
-fn identified_effects(
-    stage: &Stage,
-) -> impl Iterator<Item = truepose::effects::Effect<'static, f64>> {
+fn identified_effects(stage: &Stage) -> impl Iterator<Item = Effect<'static, f64>> {
     let zero = |x: &f64| x.abs() < f64::MIN_POSITIVE;
     stage
         .arm
         .effects
         .iter()
         .filter(move |e| !e.model().values().iter().all(zero))
+        .filter(|e| !moves_the_world(e))
         .copied()
+}
+
+/// A base that jumped: the world is the first placement's, as with sessions, and nothing that
+/// happened to the instrument later is compensated.
+fn moves_the_world(effect: &Effect<'_, f64>) -> bool {
+    matches!(effect, Effect::StepChange(step) if matches!(step.place, Place::Base { .. }))
 }
 
 fn described(arm: &ArmModel) -> Description {

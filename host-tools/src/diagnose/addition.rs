@@ -263,8 +263,8 @@ fn plainer(
     let joints = first(&|h| h.kind == "joint-compliance" && h.joint.is_none());
     let tilts = first(&|h| h.kind == "cross-axis-compliance");
     let found = match candidate.kind {
-        "link-bending" | "base-flex" => vec![joints, tilts],
-        "cross-axis-compliance" => vec![joints],
+        "link-bending" => vec![joints, tilts],
+        "base-flex" | "cross-axis-compliance" => vec![joints],
         _ => Vec::new(),
     };
     found.into_iter().flatten().collect()
@@ -274,6 +274,11 @@ fn plainer(
 fn depends_on_time(kind: &str) -> bool {
     matches!(
         kind,
-        "time-drift" | "warm-up" | "step-change" | "thermal-drift" | "thermal-growth"
+        "time-drift"
+            | "warm-up"
+            | "step-change"
+            | "instrument-moved"
+            | "thermal-drift"
+            | "thermal-growth"
     )
 }

@@ -36,6 +36,9 @@ fn covariate(hypothesis: &Hypothesis) -> Option<&'static str> {
     if matches!(hypothesis.members, Members::EarlyReading) {
         return Some("last move");
     }
+    if hypothesis.kind == "instrument-moved" {
+        return Some("time");
+    }
     match Kind::of(hypothesis.kind)?.needs {
         Needs::Joints => None,
         Needs::Gravity | Needs::Masses => Some("torque"),

@@ -84,12 +84,14 @@ impl Hypothesis {
         self.len() == 0
     }
 
-    /// Which components of its kind, in order. Constants that are refined do not count.
-    fn components(&self) -> Vec<Option<u8>> {
+    /// Which components of its kind and sensors, in order. Constants that are refined do not
+    /// count.
+    fn components(&self) -> Vec<[Option<u8>; 2]> {
         match &self.members {
             Members::Effects(effects) => effects
                 .iter()
-                .map(|e| e.model().selector().component)
+                .map(|e| e.model().selector())
+                .map(|s| [s.component, s.sensor])
                 .collect(),
             Members::EarlyReading | Members::Curve(_) => Vec::new(),
         }
@@ -128,7 +130,8 @@ const STEPS: usize = 19;
 struct Conditions {
     masses: bool,
     direction: bool,
-    temperature: usize,
+    /// Temperature sensors that change.
+    sensors: Vec<u8>,
     time: Option<[f64; 2]>,
     order: bool,
 }
@@ -151,9 +154,10 @@ fn conditions(arm: &ArmModel, observations: &[&Observation]) -> Conditions {
         direction: observations
             .iter()
             .any(|o| o.direction.iter().any(|d| d.abs() > 0.5)),
-        temperature: (0..truepose::effects::MAX_SENSORS)
+        sensors: (0..truepose::effects::MAX_SENSORS)
             .filter(|&s| varies(s))
-            .count(),
+            .filter_map(|s| u8::try_from(s).ok())
+            .collect(),
         time: (high > low).then_some([low, high]),
         order: observations
             .iter()
@@ -170,7 +174,7 @@ pub fn hypotheses(arm: &ArmModel, observations: &[&Observation]) -> Vec<Hypothes
             Needs::Joints | Needs::Gravity => true,
             Needs::Masses => conditions.masses,
             Needs::Direction => conditions.direction,
-            Needs::Temperature => conditions.temperature > 0,
+            Needs::Temperature => !conditions.sensors.is_empty(),
             Needs::Time => conditions.time.is_some(),
         };
         match kind.name {
@@ -207,6 +211,10 @@ pub fn hypotheses(arm: &ArmModel, observations: &[&Observation]) -> Vec<Hypothes
 /// All joints, orders and components of one kind.
 fn family(kind: &'static Kind, arm: &ArmModel, conditions: &Conditions) -> Vec<Hypothesis> {
     let mut found = Vec::new();
+    let sensors: Vec<Option<u8>> = match kind.needs {
+        Needs::Temperature => conditions.sensors.iter().copied().map(Some).collect(),
+        _ => vec![None],
+    };
     for j in 0..arm.joint_count() {
         if !kind.joint || kind.only.is_some_and(|only| arm.joints[j].kind != only) {
             continue;
@@ -237,15 +245,19 @@ fn family(kind: &'static Kind, arm: &ArmModel, conditions: &Conditions) -> Vec<H
         for &order in &orders {
             for &from in &others {
                 for component in 0..components {
-                    for constant in constants(kind, conditions) {
-                        let selector = Selector {
-                            joint: Some(j),
-                            order,
-                            from,
-                            component: u8::try_from(component).ok(),
-                            ..Selector::default()
-                        };
-                        found.extend(one(kind, arm, selector, &[selector], constant));
+                    let selector = Selector {
+                        joint: Some(j),
+                        order,
+                        from,
+                        component: u8::try_from(component).ok(),
+                        ..Selector::default()
+                    };
+                    for &sensor in &sensors {
+                        let selector = Selector { sensor, ..selector };
+                        let constants = constants(kind, conditions).into_iter();
+                        found.extend(
+                            constants.filter_map(|c| one(kind, arm, selector, &[selector], c)),
+                        );
                     }
                 }
             }
@@ -263,14 +275,21 @@ fn family(kind: &'static Kind, arm: &ArmModel, conditions: &Conditions) -> Vec<H
     }
     if kind.base {
         // the base moves as a whole: all its components together
-        let selectors: Vec<Selector> = (0..kind.components.len().max(1))
-            .map(|c| Selector {
-                component: u8::try_from(c).ok(),
-                ..Selector::default()
-            })
-            .collect();
-        for constant in constants(kind, conditions) {
-            found.extend(one(kind, arm, Selector::default(), &selectors, constant));
+        for &sensor in &sensors {
+            let selectors: Vec<Selector> = (0..kind.components.len().max(1))
+                .map(|c| Selector {
+                    component: u8::try_from(c).ok(),
+                    sensor,
+                    ..Selector::default()
+                })
+                .collect();
+            for constant in constants(kind, conditions) {
+                let moved = one(kind, arm, Selector::default(), &selectors, constant);
+                found.extend(moved.map(|h| Hypothesis {
+                    kind: seen_as(h.kind),
+                    ..h
+                }));
+            }
         }
     }
     found
@@ -292,6 +311,14 @@ pub fn curves(arm: &ArmModel, kinds: usize) -> Vec<Hypothesis> {
             ln_weight,
         })
         .collect()
+}
+
+/// A base that jumps is an instrument that somebody moved, until the opposite is proved.
+fn seen_as(kind: &'static str) -> &'static str {
+    match kind {
+        "step-change" => "instrument-moved",
+        kind => kind,
+    }
 }
 
 /// Free gravity levers of every joint, for arms whose masses are not known.

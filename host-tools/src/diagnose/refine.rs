@@ -20,7 +20,9 @@ const FACTORS: [&[f64]; 2] = [
 pub(super) fn refined(search: &Search<'_>, mut model: Extended) -> Extended {
     for index in 0..model.accepted.len() {
         match model.accepted[index].kind {
-            "step-change" => model = best(search, model, index, 0, &times(search)),
+            "step-change" | "instrument-moved" => {
+                model = best(search, model, index, 0, &times(search))
+            }
             "warm-up" => {
                 for factors in FACTORS {
                     let Some(tau) = constant(&model, index, 0) else {

@@ -218,6 +218,7 @@ fn turns_the_joint(kind: &str) -> bool {
             | "time-drift"
             | "warm-up"
             | "step-change"
+            | "instrument-moved"
             | "joint-coupling"
     )
 }
@@ -310,7 +311,9 @@ fn joint_panel(
 fn ambient(kind: &str, sensor: usize, o: &Observation) -> Option<f64> {
     match kind {
         "thermal-growth" | "thermal-drift" => o.ambient.temperature.get(sensor).copied(),
-        "time-drift" | "warm-up" | "step-change" => Some(o.ambient.time / 60.0),
+        "time-drift" | "warm-up" | "step-change" | "instrument-moved" => {
+            Some(o.ambient.time / 60.0)
+        }
         _ => None,
     }
 }
@@ -318,7 +321,7 @@ fn ambient(kind: &str, sensor: usize, o: &Observation) -> Option<f64> {
 fn ambient_name(kind: &str) -> Option<&'static str> {
     match kind {
         "thermal-growth" | "thermal-drift" => Some("temperature, degC"),
-        "time-drift" | "warm-up" | "step-change" => Some("time, min"),
+        "time-drift" | "warm-up" | "step-change" | "instrument-moved" => Some("time, min"),
         _ => None,
     }
 }

@@ -85,7 +85,10 @@ pub(super) fn words(named: &Named, stage: &Stage) -> String {
         },
         "axis-wobble" => format!("{one}'s axis wobbles {order}"),
         "prismatic-straightness" => format!("{one}'s rail is not straight"),
-        "instrument-moved" => "the instrument moved between sessions".to_owned(),
+        "instrument-moved" => format!(
+            "the instrument moved against the arm's base at {}",
+            minutes()
+        ),
         "unnamed" => format!("something without a name: {}", hypothesis.label()),
         _ => hypothesis.label(),
     }
