@@ -1,13 +1,11 @@
 //! Which harmonics of a joint's turn the residual holds, up to high orders.
 
-use nalgebra::DMatrix;
 use truepose::JointKind;
-use truepose::effects::{Effect, Selector};
+use truepose::effects::{Effect, Place, Selector};
 
 use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
-use super::space::Space;
-use crate::identify::linearize::Evaluator;
+use super::space::{Moving, Space};
 use crate::identify::observation::{Observation, Sigmas};
 
 /// Highest order looked for, periods a joint turn.
@@ -42,28 +40,9 @@ pub fn periodogram(
     sigmas: Sigmas,
     j: usize,
 ) -> Vec<Line> {
-    let p = space.basis.ncols();
-    let n = observations.len();
-    let mut along = DMatrix::<f64>::zeros(p, n);
-    let mut length = vec![0.0; n];
-    let mut product = vec![0.0; n];
-    let mut evaluator = Evaluator::new(&model.arm, sigmas);
-    let mut start = 0;
-    for (i, o) in observations.iter().enumerate() {
-        let count = o.equations();
-        evaluator.observe(o);
-        let mut column = vec![0.0; count];
-        evaluator.spread(o, &evaluator.joint_twist(j), &mut column);
-        for (row, x) in column.iter().enumerate() {
-            length[i] += x * x;
-            product[i] += x * space.residual[start + row];
-        }
-        for k in 0..p {
-            let basis = &space.basis.as_slice()[k * space.basis.nrows() + start..][..count];
-            along[(k, i)] = basis.iter().zip(&column).map(|(a, b)| a * b).sum();
-        }
-        start += count;
-    }
+    let place = Place::Joint(u8::try_from(j).unwrap_or(u8::MAX));
+    let Moving { along, rows } = Moving::new(&model.arm, place, space, observations, sigmas);
+    let p = along.nrows();
     let readings: Vec<f64> = observations.iter().map(|o| o.q[j]).collect();
     let low = readings.iter().copied().fold(f64::INFINITY, f64::min);
     let high = readings.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -87,11 +66,12 @@ pub fn periodogram(
         let (mut ss, mut sc, mut cc, mut sr, mut cr) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (i, t) in turning.iter_mut().enumerate() {
             let [s, c, ds, dc] = *t;
-            ss += length[i] * s * s;
-            sc += length[i] * s * c;
-            cc += length[i] * c * c;
-            sr += product[i] * s;
-            cr += product[i] * c;
+            let (length, product) = (rows[(i, 0)], rows[(i, 1)]);
+            ss += length * s * s;
+            sc += length * s * c;
+            cc += length * c * c;
+            sr += product * s;
+            cr += product * c;
             let column = &along.as_slice()[i * p..(i + 1) * p];
             for ((x, y), v) in a.iter_mut().zip(b.iter_mut()).zip(column) {
                 *x += v * s;

@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use truepose::Twist;
-use truepose::effects::Effect;
+use truepose::effects::{Effect, ONE, Place, Unnamed};
 
 use super::chance::ln_p_of_f;
 use super::curve;
@@ -129,20 +129,6 @@ impl Space {
         }
     }
 
-    /// The same problem with more fitted columns.
-    pub fn extended(&self, columns: &DMatrix<f64>, observations: &[&Observation]) -> Self {
-        let rest = columns - &self.basis * self.basis.tr_mul(columns);
-        let q = rest.qr().q();
-        let mut basis = DMatrix::zeros(self.basis.nrows(), self.basis.ncols() + q.ncols());
-        basis
-            .columns_mut(0, self.basis.ncols())
-            .copy_from(&self.basis);
-        basis
-            .columns_mut(self.basis.ncols(), q.ncols())
-            .copy_from(&q);
-        Self::on(basis, &self.residual, observations)
-    }
-
     /// Largest cosine between directions of two candidates, beyond what the model has.
     pub fn similarity(&self, a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
         let orthonormal = |m: &DMatrix<f64>| {
@@ -192,20 +178,22 @@ pub(super) fn reduction(gram: DMatrix<f64>, z: &DVector<f64>) -> (f64, f64) {
 /// each row.
 pub struct Moving {
     /// Coordinates of the motion's column in the fitted space, fitted unknowns x rows.
-    along: DMatrix<f64>,
+    pub(super) along: DMatrix<f64>,
     /// Squared length of the column, product with the residual, squared motion of the tool.
-    rows: DMatrix<f64>,
+    pub(super) rows: DMatrix<f64>,
 }
 
 impl Moving {
-    /// Of the first value of `unit`, an effect that is the same in all rows.
+    /// Of what `place` moves.
     pub fn new(
         arm: &ArmModel,
-        unit: &Effect<'_, f64>,
+        place: Place<f64>,
         space: &Space,
         observations: &[&Observation],
         sigmas: Sigmas,
     ) -> Self {
+        let mut unit = Effect::Unnamed(Unnamed::new(place, [ONE; 2], [[0.0; 3]; 2]));
+        arm.attach(&mut unit);
         let p = space.basis.ncols();
         let mut along = DMatrix::zeros(p, observations.len());
         let mut rows = DMatrix::zeros(observations.len(), 3);
@@ -215,7 +203,7 @@ impl Moving {
             let count = o.equations();
             evaluator.observe(o);
             let mut twist = Twist::zero();
-            evaluator.effect_twists(o, unit, |_, found| twist = found);
+            evaluator.effect_twists(o, &unit, |_, found| twist = found);
             let mut column = vec![0.0; count];
             evaluator.spread(o, &twist, &mut column);
             for (row, x) in column.iter().enumerate() {
@@ -320,10 +308,15 @@ pub fn columns(
         if matches!(hypothesis.members, Members::Curve(_)) {
             continue;
         }
-        for (k, square) in squares.iter().enumerate().skip(start).take(len) {
+        let squares = squares[start..start + len].iter();
+        for (mut column, square) in matrix
+            .columns_mut(start, len)
+            .column_iter_mut()
+            .zip(squares)
+        {
             let rms = (square / observations.len().max(1) as f64).sqrt();
             let scale = if rms > 1e-12 { PLAUSIBLE / rms } else { 0.0 };
-            matrix.column_mut(k).scale_mut(scale);
+            column.scale_mut(scale);
         }
     }
     Columns { matrix, groups }

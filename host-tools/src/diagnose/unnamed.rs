@@ -248,13 +248,9 @@ pub fn offered(
     let joints = u8::try_from(model.arm.joint_count()).unwrap_or(u8::MAX);
     let places = (0..joints).map(Place::Joint).chain((0..6).map(Place::base));
     let movers: Vec<Mover> = places
-        .map(|place| {
-            let mut unit = Effect::Unnamed(Unnamed::new(place, [ONE; 2], [[0.0; 3]; 2]));
-            model.arm.attach(&mut unit);
-            Mover {
-                place,
-                moving: Moving::new(&model.arm, &unit, space, observations, sigmas),
-            }
+        .map(|place| Mover {
+            place,
+            moving: Moving::new(&model.arm, place, space, observations, sigmas),
         })
         .collect();
     let mut best: Vec<(f64, Hypothesis)> = Vec::new();
