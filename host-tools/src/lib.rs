@@ -3,6 +3,7 @@
 
 pub mod cell;
 pub mod circle_points;
+pub mod closed_chain;
 pub mod compensate;
 pub mod convert;
 pub mod demo;

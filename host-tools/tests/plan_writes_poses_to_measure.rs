@@ -44,6 +44,15 @@ fn poses_are_written_with_what_they_are_worth() {
     assert_eq!(json["parameters"].as_array().unwrap().len(), 27);
     let forecast = json["forecast"].as_array().unwrap();
     assert_eq!(forecast.last().unwrap()["poses"], 15);
+    // The alphabet of optimal design, and G, the largest variance of the predicted tool point.
+    let max = forecast.last().unwrap()["max_mm"].as_f64().unwrap();
+    assert!((number("g_mm2") - max * max).abs() < 1e-9);
+    assert!(number("a") >= 1.0 / number("e") && number("a") <= 27.0 / number("e"));
+    // Columns of unit length: the squares of the singular values sum to their number (SH 50),
+    // so that no index is above one pose's share; the condition is better than by guesses.
+    let unit = |key: &str| json["unit_columns"][key].as_f64().unwrap();
+    assert!(unit("o1") <= 1.0 / 15.0_f64.sqrt() + 1e-12 && unit("o3") <= 1.0 && unit("d") < 0.0);
+    assert!(unit("o4") <= unit("o3") && (unit("cond_j") * unit("o2") - 1.0).abs() < 1e-9);
     assert!(
         out.contains("27 parameters") && out.contains("workspace"),
         "{out}"

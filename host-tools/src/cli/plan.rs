@@ -14,6 +14,7 @@ use truepose_host::identify::observation::Sigmas;
 use truepose_host::identify::problem::ASSUMED;
 use truepose_host::identify::readings::identify_file;
 use truepose_host::measurement::{self, Expected, Measured, Purpose};
+use truepose_host::observability::Observability;
 use truepose_host::output::Output;
 use truepose_host::parameters;
 use truepose_host::plan::{
@@ -368,7 +369,11 @@ fn outcome(
     if let Some(random) = &chosen.random {
         text += &format!(", random ones have {:.4e}", random.o1());
     }
-    text += &format!("\ncondition number of the Jacobian {:.3e}\n", o.cond_j());
+    text += &format!(
+        "\ncondition number of the Jacobian {:.3e}, of its columns at unit length {:.3e}\n",
+        o.cond_j(),
+        chosen.of_unit_columns.cond_j()
+    );
     text += &format!(
         "predicted tool point after the fit, by the instrument's noise of {} mm alone:\n  \
          poses      rms      max over the workspace\n",
@@ -392,6 +397,9 @@ fn outcome(
             "parameters": arm.names(),
             "o1": o.o1(), "o2": o.o2(), "o3": o.o3(), "o4": o.o4(), "o5": o.o5(),
             "cond_j": o.cond_j(),
+            "a": o.a(), "d": o.d(), "e": o.e(),
+            "g_mm2": chosen.forecast.last().map(|f| (f.max * 1e3).powi(2)),
+            "unit_columns": indices(&chosen.of_unit_columns),
             "o1_bound": chosen.o1_bound,
             "o1_random": chosen.random.as_ref().map(|r| r.o1()),
             "forecast": forecast,
@@ -403,4 +411,11 @@ fn outcome(
         }],
         answer: true,
     }
+}
+
+fn indices(o: &Observability) -> serde_json::Value {
+    json!({
+        "o1": o.o1(), "o2": o.o2(), "o3": o.o3(), "o4": o.o4(), "o5": o.o5(),
+        "cond_j": o.cond_j(), "a": o.a(), "d": o.d(), "e": o.e(),
+    })
 }

@@ -15,7 +15,7 @@ mod search;
 
 use nalgebra::DMatrix;
 
-use crate::observability::{Observability, Unobservable};
+use crate::observability::{Observability, Unobservable, scale_columns};
 use crate::random::Random;
 
 pub use arm::{MeasuredArm, Seen, limits};
@@ -91,8 +91,11 @@ pub struct Plan {
     /// Joint values, rad or m, the most telling first: any first few of them are a good set
     /// of their number.
     pub poses: Vec<Vec<f64>>,
-    /// Of these poses and those measured already.
+    /// Of these poses and those measured already; each column times what may be expected of
+    /// its parameter.
     pub observability: Observability,
+    /// The same with each column of unit length (SH 45).
+    pub of_unit_columns: Observability,
     /// Of as many random poses within the limits, the median.
     pub random: Option<Observability>,
     /// No set of as many poses within the limits has an O1 above this.
@@ -211,6 +214,9 @@ pub fn plan(
         .collect();
     let forecast = forecast::forecast(&chosen.blocks, &order, &before, &places);
     let observability = observe(&before, &chosen.blocks).map_err(Refused::Unobservable)?;
+    let mut jacobian = stacked(&before, &chosen.blocks);
+    scale_columns(&mut jacobian);
+    let of_unit_columns = Observability::of(&jacobian, total).map_err(Refused::Unobservable)?;
 
     let mut random = Random::new(settings.seed, BOUND);
     let room = bound::room_for_improvement(arm, &chosen.blocks, &fixed, &mut random);
@@ -229,6 +235,7 @@ pub fn plan(
     Ok(Plan {
         poses,
         observability,
+        of_unit_columns,
         random: compared.into_iter().nth(middle),
         o1_bound,
         forecast,
@@ -276,7 +283,7 @@ fn tools(arm: &mut dyn Sensitivity, poses: &[Vec<f64>]) -> Blocks {
     blocks
 }
 
-fn observe(before: &Blocks, chosen: &Blocks) -> Result<Observability, Unobservable> {
+fn stacked(before: &Blocks, chosen: &Blocks) -> DMatrix<f64> {
     let numbers: Vec<f64> = before
         .numbers
         .iter()
@@ -284,6 +291,9 @@ fn observe(before: &Blocks, chosen: &Blocks) -> Result<Observability, Unobservab
         .copied()
         .collect();
     let rows = numbers.len() / chosen.width.max(1);
-    let jacobian = DMatrix::from_row_slice(rows, chosen.width, &numbers);
-    Observability::of(&jacobian, before.len() + chosen.len())
+    DMatrix::from_row_slice(rows, chosen.width, &numbers)
+}
+
+fn observe(before: &Blocks, chosen: &Blocks) -> Result<Observability, Unobservable> {
+    Observability::of(&stacked(before, chosen), before.len() + chosen.len())
 }
