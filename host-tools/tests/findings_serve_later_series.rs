@@ -6,8 +6,9 @@ use truepose_host::diagnose::diagnose;
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::assess::{Statistics, errors};
 use truepose_host::identify::observation::Observation;
+use truepose_host::identify::prior::Prior;
 use truepose_host::identify::readings::identify_file;
-use truepose_host::identify::solve::{Prior, fit};
+use truepose_host::identify::solve::fit;
 use truepose_host::identify::unknown::Unknown;
 
 /// Rms of `arm` on `rows` after base and tool are placed anew, all else as it is, m.
