@@ -73,7 +73,7 @@ impl<T: Scalar> Arm<'_, T> {
             direction,
             ambient,
         };
-        let mut loaded = false;
+        let (mut posture, mut loaded) = (false, false);
         for effect in self.effects {
             match effect.stage() {
                 Stage::Reading => {
@@ -82,19 +82,24 @@ impl<T: Scalar> Arm<'_, T> {
                         *corrected += addition;
                     }
                 }
-                Stage::Posture => loaded = true,
+                Stage::Posture => {
+                    posture = true;
+                    loaded = loaded || effect.loaded();
+                }
             }
         }
         let rigid = forward(self.base, self.joints, scratch.q, scratch.frames).then(self.tool);
         let mut twist = Twist::zero();
-        if loaded {
-            self.with_posture(q, direction, ambient, &rigid, scratch, |posture| {
-                for effect in self.effects {
-                    if effect.stage() == Stage::Posture {
-                        twist = twist.plus(&effect.displacement(posture));
-                    }
+        if posture {
+            if loaded {
+                self.load(ambient, &rigid, scratch);
+            }
+            let posture = self.posture(q, direction, ambient, &rigid, scratch);
+            for effect in self.effects {
+                if effect.stage() == Stage::Posture {
+                    twist = twist.plus(&effect.displacement(&posture));
                 }
-            });
+            }
         }
         Prediction { rigid, twist }
     }
@@ -110,6 +115,12 @@ impl<T: Scalar> Arm<'_, T> {
         scratch: &mut Scratch<'_, T>,
         look: impl FnOnce(&Posture<'_, T>),
     ) {
+        self.load(ambient, rigid, scratch);
+        look(&self.posture(q, direction, ambient, rigid, scratch));
+    }
+
+    /// Sets gravity's moments and forces.
+    fn load(&self, ambient: &Ambient<T>, rigid: &Pose<T>, scratch: &mut Scratch<'_, T>) {
         gravity_loads(
             self.joints,
             scratch.frames,
@@ -119,7 +130,17 @@ impl<T: Scalar> Arm<'_, T> {
             scratch.moments,
             scratch.forces,
         );
-        look(&Posture {
+    }
+
+    fn posture<'s>(
+        &'s self,
+        q: &'s [T],
+        direction: &'s [T],
+        ambient: &'s Ambient<T>,
+        rigid: &'s Pose<T>,
+        scratch: &'s Scratch<'_, T>,
+    ) -> Posture<'s, T> {
+        Posture {
             q,
             direction,
             ambient,
@@ -130,7 +151,7 @@ impl<T: Scalar> Arm<'_, T> {
             gravity: self.gravity,
             moments: scratch.moments,
             forces: scratch.forces,
-        });
+        }
     }
 }
 

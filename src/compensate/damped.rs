@@ -13,7 +13,7 @@
 
 use nalgebra::Vector3;
 
-use crate::{BakedJoint, JointKind, Scalar, Twist};
+use crate::{Scalar, Twist};
 
 /// `a x b`, each entry one product less another.
 #[inline(always)]
@@ -37,18 +37,6 @@ struct Symmetric<T> {
 }
 
 impl<T: Scalar> Symmetric<T> {
-    fn diagonal(d: T) -> Self {
-        let o = T::zero();
-        Self {
-            xx: d,
-            yx: o,
-            yy: d,
-            zx: o,
-            zy: o,
-            zz: d,
-        }
-    }
-
     #[inline(always)]
     fn add_square(&mut self, v: &Vector3<T>) {
         self.xx += v.x * v.x;
@@ -148,44 +136,42 @@ struct NormalMatrix<T: Scalar> {
 
 impl<T: Scalar> NormalMatrix<T> {
     /// D, for position, m^2 per (rad or m)^2, and orientation, rad^2 likewise, and the first
-    /// column, whose axis is z through the origin.
+    /// column, a turn about z through the origin.
     #[inline(always)]
-    fn first([position, orientation]: [T; 2], kind: JointKind, column: &Twist<T>) -> Self {
+    fn first([position, orientation]: [T; 2], column: &Twist<T>) -> Self {
         let v = &column.linear;
-        let mut matrix = Self {
-            angular: Symmetric::diagonal(orientation),
-            linear: Symmetric::diagonal(position),
-            mixed: [Vector3::zeros(); 3],
-        };
-        match kind {
-            JointKind::Revolute => {
-                matrix.angular.zz += T::one();
-                matrix.linear.xx += v.x * v.x;
-                matrix.linear.yx = v.y * v.x;
-                matrix.linear.yy += v.y * v.y;
-                let [x, y, _] = &mut matrix.mixed;
-                x.z = v.x;
-                y.z = v.y;
-            }
-            JointKind::Prismatic => matrix.linear.zz += T::one(),
+        let o = T::zero();
+        Self {
+            angular: Symmetric {
+                xx: orientation,
+                yx: o,
+                yy: orientation,
+                zx: o,
+                zy: o,
+                zz: orientation + T::one(),
+            },
+            linear: Symmetric {
+                xx: position + v.x * v.x,
+                yx: v.y * v.x,
+                yy: position + v.y * v.y,
+                zx: o,
+                zy: o,
+                zz: position,
+            },
+            mixed: [Vector3::new(o, o, v.x), Vector3::new(o, o, v.y), Vector3::zeros()],
         }
-        matrix
     }
 
     /// Adds one column of J.
     #[inline(always)]
-    fn add(&mut self, kind: JointKind, column: &Twist<T>) {
+    fn add(&mut self, column: &Twist<T>) {
         let (v, w) = (&column.linear, &column.angular);
         self.linear.add_square(v);
-        // Besides the work saved, the branch keeps the compiler from interleaving columns,
-        // for which it runs out of registers.
-        if kind == JointKind::Revolute {
-            self.angular.add_square(w);
-            let [x, y, z] = &mut self.mixed;
-            *x += w * v.x;
-            *y += w * v.y;
-            *z += w * v.z;
-        }
+        self.angular.add_square(w);
+        let [x, y, z] = &mut self.mixed;
+        *x += w * v.x;
+        *y += w * v.y;
+        *z += w * v.z;
     }
 
     /// Solves for `y`; where `clearance` is asked for, with the trace of the inverse of the
@@ -247,23 +233,24 @@ pub(super) fn share<T: Scalar>(column: &Twist<T>, y: &Twist<T>) -> T {
     v.x * f.x + v.y * f.y + v.z * f.z + w.x * m.x + w.y * m.y + w.z * m.z
 }
 
-/// Solves `(J Jᵀ + D) y = e` for the J whose columns [`super::rigid::approach`] gave, and D with `damping` for
-/// position and orientation. Where `clearance` is asked for, the trace of `(J Jᵀ + D)⁻¹` is
-/// with it: the reciprocal of what [`super::step::clearance`] returns.
+/// Solves `(J Jᵀ + D) y = e` for the J whose columns [`super::rigid::approach`] gave, and D
+/// with `damping` for position and orientation. Where `clearance` is asked for, the trace of
+/// `(J Jᵀ + D)⁻¹` is with it: the reciprocal of what [`super::step::clearance`] returns.
 #[inline(never)]
 pub(super) fn multipliers<T: Scalar>(
-    joints: &[BakedJoint<T>],
     columns: &[Twist<T>],
     damping: [T; 2],
     e: &Twist<T>,
     clearance: bool,
 ) -> (Twist<T>, T) {
-    let ([first, joints @ ..], [first_column, columns @ ..]) = (joints, columns) else {
+    let [first, columns @ ..] = columns else {
         return (Twist::zero(), T::zero());
     };
-    let mut normal = NormalMatrix::first(damping, first.kind, first_column);
-    for (joint, column) in joints.iter().zip(columns) {
-        normal.add(joint.kind, column);
+    let mut normal = NormalMatrix::first(damping, first);
+    // A count that the compiler does not know keeps it from unrolling the loop and from
+    // interleaving the columns, for which it runs out of registers.
+    for column in columns.iter().take(core::hint::black_box(columns.len())) {
+        normal.add(column);
     }
     normal.solve(e, clearance)
 }

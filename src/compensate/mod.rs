@@ -167,10 +167,11 @@ pub struct State<T: Scalar, const N: usize> {
 pub struct Compensator<'m, T: Scalar, const N: usize> {
     model: &'m Model<'m, T, N>,
     settings: Settings<T>,
-    /// Longest way from an axis to the tool point, m.
-    reach: T,
-    /// Ways that add up to more move at least one joint by half its resolution, rad or m.
-    perceptible: T,
+    /// For the plain case.
+    constants: Option<swift::Constants<T, N>>,
+    work: swift::Work<T, N>,
+    /// What a compensation costs at worst.
+    cost: Cost,
     state: State<T, N>,
 }
 
@@ -180,8 +181,9 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         let mut compensator = Self {
             model,
             settings: model.settings,
-            reach: reach(model),
-            perceptible: model.resolution.iter().fold(T::zero(), |sum, &r| sum + r),
+            constants: swift::Constants::of(model, &model.settings),
+            work: swift::Work::default(),
+            cost: cost(model, &model.settings),
             state: State {
                 correction: [T::zero(); N],
                 last: [T::zero(); N],
@@ -197,6 +199,8 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
     pub fn with_settings(mut self, settings: Settings<T>) -> Self {
         if settings.sound() {
             self.settings = settings;
+            self.constants = swift::Constants::of(self.model, &settings);
+            self.cost = cost(self.model, &settings);
         }
         self
     }
@@ -233,12 +237,34 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         inverse: Option<Inverse<'_, T, N>>,
         budget: &mut Budget<'_, C>,
     ) -> Outcome<T, N> {
+        let cost = Cost {
+            iteration: self.cost.iteration.max(self.state.longest),
+            ..self.cost
+        };
+        // The plain case checks the joints and the pose as it goes.
+        if self.settings.method == Method::InverseJacobian
+            && known(&request.conditions)
+            && budget.fits(cost.start)
+        {
+            let nominal;
+            let desired = match &request.pose {
+                Some(desired) => desired,
+                None => {
+                    nominal = self.model.nominal_pose(&request.q);
+                    &nominal
+                }
+            };
+            let outcome = self.swift(request, desired, budget, cost.iteration);
+            if let Some(outcome) = outcome {
+                return outcome;
+            }
+        }
         let outcome = match refusal(request) {
             Some(Status::JointsNotFinite) => {
                 self.unchanged(self.state.last, Status::JointsNotFinite, budget)
             }
             Some(status) => self.unchanged(self.within_limits(&request.q), status, budget),
-            None => self.descend(request, inverse, budget),
+            None => self.descend(request, inverse, budget, &cost),
         };
         if outcome.status.compensated() {
             for ((correction, &q), &start) in self
@@ -255,25 +281,14 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         outcome
     }
 
+    #[inline(never)]
     fn descend<C: Clock>(
         &mut self,
         request: &Request<T, N>,
         inverse: Option<Inverse<'_, T, N>>,
         budget: &Budget<'_, C>,
+        cost: &Cost,
     ) -> Outcome<T, N> {
-        let table = Cost::worst(N, self.model.effects.len());
-        let cost = match self.settings.iteration_cycles {
-            // Four evaluations and a factor take less than three iterations.
-            Some(iteration) => Cost {
-                start: iteration.saturating_mul(3),
-                iteration,
-            },
-            None => table,
-        };
-        let cost = Cost {
-            iteration: cost.iteration.max(self.state.longest),
-            ..cost
-        };
         let start = self.within_limits(&request.q);
         if !budget.fits(cost.start) {
             return self.unchanged(start, Status::OutOfBudget, budget);
@@ -282,11 +297,6 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             Some(pose) => *pose,
             None => self.model.nominal_pose(&request.q),
         };
-        if self.settings.method == Method::InverseJacobian
-            && let Some(outcome) = self.swift(&start, &desired, budget, cost.iteration)
-        {
-            return outcome;
-        }
         let effort = match self.settings.method {
             Method::InverseJacobian | Method::TaskPoint | Method::Polynomial | Method::Cmac => {
                 [T::zero(); N]
@@ -312,7 +322,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         let found =
             match (self.settings.method, inverse) {
                 (Method::TaskPoint, Some(inverse)) => {
-                    task_point::run(&mut descent, inverse, budget, &cost).map(|f| {
+                    task_point::run(&mut descent, inverse, budget, cost).map(|f| {
                         (
                             f.initial.error,
                             f.best,
@@ -323,7 +333,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
                     })
                 }
                 (Method::TaskPoint, None) => descent
-                    .run(&self.state.correction, budget, &cost)
+                    .run(&self.state.correction, budget, cost)
                     .map(|(initial, best, s, i)| {
                         (initial, best, Some(self.model.nominal_pose(&best.q)), s, i)
                     }),
@@ -331,7 +341,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
                     .apply_taught(&mut descent, budget, &cost)
                     .map(|(initial, best, s, i)| (initial, best, None, s, i)),
                 (Method::InverseJacobian | Method::Lqr, _) => descent
-                    .run(&self.state.correction, budget, &cost)
+                    .run(&self.state.correction, budget, cost)
                     .map(|(initial, best, s, i)| (initial, best, None, s, i)),
             };
         self.state.longest = self.state.longest.max(descent.longest);
@@ -405,18 +415,16 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
     }
 }
 
-/// All links and the tool stretched out, slides as far as they go, m.
-fn reach<T: Scalar, const N: usize>(model: &Model<'_, T, N>) -> T {
-    let chain = &model.calibrated;
-    let mut reach = chain.tool.translation.norm_squared().root();
-    for (joint, &[low, high]) in chain.joints.iter().zip(&model.limits) {
-        reach += (joint.tx * joint.tx + joint.ty * joint.ty).root();
-        if joint.kind == crate::JointKind::Prismatic {
-            let (low, high) = (low.abs(), high.abs());
-            reach += if low > high { low } else { high };
-        }
+/// What a compensation costs at worst.
+fn cost<T: Scalar, const N: usize>(model: &Model<'_, T, N>, settings: &Settings<T>) -> Cost {
+    match settings.iteration_cycles {
+        // Four evaluations and a factor take less than three iterations.
+        Some(iteration) => Cost {
+            start: iteration.saturating_mul(3),
+            iteration,
+        },
+        None => Cost::worst(N, model.effects.len()),
     }
-    reach
 }
 
 /// Nothing times a number is nothing, unless the number is not finite.
@@ -432,17 +440,19 @@ fn refusal<T: Scalar, const N: usize>(request: &Request<T, N>) -> Option<Status>
     if !all_finite(&request.q) {
         return Some(Status::JointsNotFinite);
     }
-    let conditions = &request.conditions;
-    let ambient = &conditions.ambient;
-    let finite = all_finite(&conditions.direction)
-        && ambient.payload.finite()
-        && all_finite(ambient.payload_com.as_slice());
-    // Temperatures and time that are not finite are not known: their effects stay out.
-    if !finite {
+    if !known(&request.conditions) {
         return Some(Status::ConditionsNotFinite);
     }
     match &request.pose {
         Some(pose) if !error::is_pose(pose) => Some(Status::NotAPose),
         _ => None,
     }
+}
+
+/// Whether directions and payload are finite. Temperatures and time that are not are not
+/// known: their effects stay out.
+fn known<T: Scalar, const N: usize>(conditions: &Conditions<T, N>) -> bool {
+    let ambient = &conditions.ambient;
+    let com = &ambient.payload_com;
+    all_finite(&conditions.direction) && all_finite(&[ambient.payload, com.x, com.y, com.z])
 }

@@ -6,21 +6,90 @@
 //! is the frames, the effort, and the last evaluation: a step `p` of a chain of turns leaves
 //!
 //! ```text
-//! |remaining| <= D |y| + 1/2 (sum |p|)² reach        position
-//! |remaining| <= D |y| + 1/2 (sum |p|)²              orientation
+//! |remaining| <= D |y| + sum over k of |p_k| r_k (|p_k| / 2 + sum over j < k of |p_j|)   position
+//! |remaining| <= D |y| + 1/2 sum over j < k of |p_j| |p_k|                               orientation
 //! ```
 //! the first from the damping ([`super::damped`]), exactly, the second the remainder of
-//! Taylor's series, since no second derivative of a pose by joint angles is longer than the
-//! arm. If this is below the tolerances, the step is the answer.
+//! Taylor's series: the second derivative of the tool point by the turns j and k >= j is not
+//! longer than the way `r_k` from axis k to it, and that of the orientation is half the cross
+//! product of the axes. If this is below the tolerances, the step is the answer.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::damped::{multipliers, share};
 use super::error::PoseError;
-use super::rigid::approach;
-use super::{Compensator, Outcome, Status};
+use super::rigid::{Rest, approach, square};
+use super::{Compensator, Outcome, Request, Status};
 use crate::budget::{Budget, Clock};
+use crate::model::Model;
 use crate::{JointKind, Pose, Scalar, Settings, Twist};
+
+/// What does not change from request to request.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Constants<T: Scalar, const N: usize> {
+    /// Of the position and the orientation equations.
+    damping: [T; 2],
+    /// Squares of the weights of position and orientation.
+    weights: [T; 2],
+    /// Square of the smallest singular value that counts as clear.
+    singular: T,
+    /// Longest way from each axis to the tool point, m.
+    levers: [T; N],
+    /// Middle and half of where each joint may go, rad.
+    travel: [[T; 2]; N],
+    /// Ways that add up to more move at least one joint by half its resolution, rad.
+    perceptible: T,
+}
+
+/// Room for one iteration, kept from one request to the next to save filling it with zeros.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Work<T: Scalar, const N: usize> {
+    /// Sine and cosine of each joint.
+    turns: [[T; 2]; N],
+    /// The joint Jacobian.
+    columns: [Twist<T>; N],
+}
+
+impl<T: Scalar, const N: usize> Default for Work<T, N> {
+    fn default() -> Self {
+        Self {
+            turns: [[T::zero(); 2]; N],
+            columns: [Twist::zero(); N],
+        }
+    }
+}
+
+impl<T: Scalar, const N: usize> Constants<T, N> {
+    /// `None` where the model and the settings make no plain case.
+    pub(super) fn of(model: &Model<'_, T, N>, settings: &Settings<T>) -> Option<Self> {
+        let chain = &model.calibrated;
+        let [p, o] = [settings.position_weight, settings.orientation_weight];
+        let turns = chain.joints.iter().all(|j| j.kind == JointKind::Revolute);
+        let least = T::of(1e-3);
+        if N < 6 || !turns || !model.effects.is_empty() || p < least || o < least {
+            return None;
+        }
+        let mut levers = [T::zero(); N];
+        let mut lever = chain.tool.translation.norm_squared().root();
+        for (place, joint) in levers.iter_mut().zip(&chain.joints).rev() {
+            lever += (joint.tx * joint.tx + joint.ty * joint.ty).root();
+            *place = lever;
+        }
+        let half = T::of(0.5);
+        Some(Self {
+            damping: [settings.damping / (p * p), settings.damping / (o * o)],
+            weights: [p * p, o * o],
+            singular: settings.singular_value * settings.singular_value,
+            levers,
+            travel: model.limits.map(|[low, high]| {
+                // Rounding of the middle, of the half and of what is compared with them.
+                let rounding = (low.abs() + high.abs()) * T::EPSILON * T::of(4.0);
+                [(low + high) * half, (high - low) * half - rounding]
+            }),
+            perceptible: model.resolution.iter().fold(T::zero(), |sum, &r| sum + r),
+        })
+    }
+}
 
 /// `rᵀ v`.
 #[inline(always)]
@@ -61,10 +130,9 @@ struct Squares<T> {
 impl<T: Scalar> Squares<T> {
     #[inline(always)]
     fn of(e: &Twist<T>) -> Self {
-        let (v, w) = (&e.linear, &e.angular);
         Self {
-            position: v.x * v.x + v.y * v.y + v.z * v.z,
-            orientation: w.x * w.x + w.y * w.y + w.z * w.z,
+            position: square(&e.linear),
+            orientation: square(&e.angular),
         }
     }
 
@@ -73,10 +141,16 @@ impl<T: Scalar> Squares<T> {
         self.position <= tolerance.position && self.orientation <= tolerance.orientation
     }
 
+    #[inline(always)]
+    fn weighted(&self, [position, orientation]: [T; 2]) -> T {
+        self.position * position + self.orientation * orientation
+    }
+
+    #[inline(always)]
     fn error(&self) -> PoseError<T> {
         PoseError {
-            position: self.position.root(),
-            orientation: self.orientation.root(),
+            position: self.position.rough_root(),
+            orientation: self.orientation.rough_root(),
         }
     }
 }
@@ -88,22 +162,18 @@ fn square_of_larger<T: Scalar>(a: T, b: T) -> T {
 }
 
 impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
-    /// The answer to a request for the pose `desired` from the joints `start`, or `None`
-    /// where this is no plain case.
+    /// The answer to a request for the pose `desired`, or `None` where this is no plain case.
+    #[inline(always)]
     pub(super) fn swift<C: Clock>(
-        &self,
-        start: &[T; N],
+        &mut self,
+        request: &Request<T, N>,
         desired: &Pose<T>,
         budget: &Budget<'_, C>,
         iteration_cycles: u32,
     ) -> Option<Outcome<T, N>> {
+        let constants = self.constants.as_ref()?;
         let settings = &self.settings;
         let chain = &self.model.calibrated;
-        let (p, o) = (settings.position_weight, settings.orientation_weight);
-        if N < 6 || !self.model.effects.is_empty() || p < T::of(1e-3) || o < T::of(1e-3) {
-            return None;
-        }
-        let damping = [settings.damping / (p * p), settings.damping / (o * o)];
         let target = without(desired, &chain.base, &chain.tool);
         let place = &target.translation;
         let floor = T::EPSILON * (T::one() + place.x.abs() + place.y.abs() + place.z.abs());
@@ -112,13 +182,33 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             orientation: square_of_larger(settings.orientation_tolerance, floor),
         };
         let tip = &chain.tool.translation;
-        let mut columns = [Twist::zero(); N];
-        let mut q = *start;
-        let mut error = approach(&chain.joints, &q, tip, &target, &mut columns);
-        let initial = Squares::of(&error);
-        let mut now = initial;
+        let Work { turns, columns } = &mut self.work;
+        let mut q = request.q;
         let mut iterations = 0;
+        let mut initial = Squares {
+            position: T::zero(),
+            orientation: T::zero(),
+        };
+        let mut before = T::zero();
         let (status, remaining) = loop {
+            let rest = approach(&chain.joints, &q, tip, &target, turns, columns)?;
+            let error = rest.twist;
+            let now = Squares::of(&error);
+            let first = iterations == 0;
+            let merit = now.weighted(constants.weights);
+            if first {
+                initial = now;
+                if !rest.turned(&now) {
+                    return None;
+                }
+            } else {
+                // Newton's pace, which NaN does not have either.
+                let converging = merit * T::of(16.0) <= before;
+                if !converging {
+                    return None;
+                }
+            }
+            before = merit;
             if now.below(&tolerance) {
                 break (Status::Converged, now);
             }
@@ -128,29 +218,53 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             if !budget.fits(iteration_cycles) {
                 break (Status::OutOfBudget, now);
             }
-            let first = iterations == 0;
-            let (y, trace) = multipliers(&chain.joints, &columns, damping, &error, first);
-            let square = now.position * (p * p) + now.orientation * (o * o);
-            if first && !clear(settings, trace, square) {
+            let (y, trace) = multipliers(columns, constants.damping, &error, first);
+            // No price is put on corrections: `inverse_jacobian::singular_effort` is 0. NaN
+            // is not clear.
+            let clear = !first || trace * (constants.singular + merit) <= T::one();
+            if !clear {
                 return None;
             }
-            let moved = self.stepped(&mut q, start, &columns, &y)?;
+            let mut way = T::zero();
+            let mut curved = Squares {
+                position: T::zero(),
+                orientation: T::zero(),
+            };
+            let half = T::of(0.5);
+            for ((q, column), &lever) in q.iter_mut().zip(columns.iter()).zip(&constants.levers) {
+                let step = share(column, &y);
+                *q += step;
+                let step = step.abs();
+                curved.position += step * lever * (half * step + way);
+                curved.orientation += step * way;
+                way += step;
+            }
+            // Perhaps no joint moves by half its resolution.
+            if way <= constants.perceptible {
+                return None;
+            }
             iterations += 1;
-            let left = bound(&y, damping, moved, self.reach);
-            let left_square = left.position * (p * p) + left.orientation * (o * o);
+            let left = bound(&y, constants.damping, &curved);
             // Below a sixteenth of the error before, in the square: a quarter.
-            if left.below(&tolerance) && left_square * T::of(16.0) <= square {
+            if left.below(&tolerance) && left.weighted(constants.weights) * T::of(16.0) <= before {
                 break (Status::Converged, left);
             }
-            error = approach(&chain.joints, &q, tip, &target, &mut columns);
-            now = Squares::of(&error);
-            let better = now.position * (p * p) + now.orientation * (o * o);
-            // Newton's pace, which NaN does not have either.
-            let converging = better * T::of(16.0) <= square;
-            if !converging {
+        };
+        let bound = settings.correction_bound[0];
+        let joints = q.iter().zip(&request.q).zip(&constants.travel);
+        for ((&q, &start), &[middle, half]) in joints {
+            let away = (q - start).abs();
+            // Both ends of the way are inside then; NaN is outside.
+            let inside = away < bound && (q - middle).abs() + away < half;
+            if !inside {
                 return None;
             }
-        };
+        }
+        let places = self.state.correction.iter_mut().zip(&mut self.state.last);
+        for ((correction, last), (&q, &start)) in places.zip(q.iter().zip(&request.q)) {
+            *correction = q - start;
+            *last = q;
+        }
         Some(Outcome {
             q,
             status,
@@ -162,57 +276,27 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             cycles: budget.spent(),
         })
     }
+}
 
-    /// Moves `q` by `Jᵀ y`. Returns the sum of the joints' ways, or `None` where one would
-    /// come to a limit or to the correction bound, or where perhaps no joint would move by half its
-    /// resolution.
+impl<T: Scalar> Rest<T> {
+    /// Whether the target's rotation is one, to a thousandth, which is told from the present
+    /// pose not too far from it; false for NaN.
     #[inline(always)]
-    fn stepped(
-        &self,
-        q: &mut [T; N],
-        start: &[T; N],
-        columns: &[Twist<T>; N],
-        y: &Twist<T>,
-    ) -> Option<T> {
-        let [revolute, prismatic] = self.settings.correction_bound;
-        let mut way = T::zero();
-        let joints = self.model.calibrated.joints.iter().zip(columns);
-        let places = q.iter_mut().zip(start);
-        for (((q, &start), (joint, column)), &[low, high]) in
-            places.zip(joints).zip(&self.model.limits)
-        {
-            let bound = match joint.kind {
-                JointKind::Revolute => revolute,
-                JointKind::Prismatic => prismatic,
-            };
-            let step = share(column, y);
-            *q += step;
-            // NaN is outside.
-            let inside = *q > low && *q < high && (*q - start).abs() < bound;
-            if !inside {
-                return None;
-            }
-            way += step.abs();
-        }
-        (way > self.perceptible).then_some(way)
+    fn turned(&self, squares: &Squares<T>) -> bool {
+        // For rotations the difference is the square of `2 (1 - cos angle)`, over 2.
+        let off = self.apart - (squares.orientation + squares.orientation);
+        off.abs() <= T::of(1e-6)
     }
 }
 
-/// Whether no price is put on corrections: [`super::inverse_jacobian::singular_effort`] is 0.
+/// What a step by `y` leaves at most: what the damping keeps back, and the remainder of
+/// Taylor's series.
 #[inline(always)]
-fn clear<T: Scalar>(settings: &Settings<T>, trace: T, square: T) -> bool {
-    let threshold = settings.singular_value * settings.singular_value + square;
-    trace * threshold <= T::one()
-}
-
-/// What a step by `y` leaves at most; `way`: sum of the joints' ways.
-#[inline(always)]
-fn bound<T: Scalar>(y: &Twist<T>, damping: [T; 2], way: T, reach: T) -> Squares<T> {
+fn bound<T: Scalar>(y: &Twist<T>, damping: [T; 2], curved: &Squares<T>) -> Squares<T> {
     let [position, orientation] = damping;
-    let curved = T::of(0.5) * way * way;
     let sum = |v: &Vector3<T>| v.x.abs() + v.y.abs() + v.z.abs();
-    let position = position * sum(&y.linear) + curved * reach;
-    let orientation = orientation * sum(&y.angular) + curved;
+    let position = position * sum(&y.linear) + curved.position;
+    let orientation = orientation * sum(&y.angular) + curved.orientation * T::of(0.5);
     Squares {
         position: position * position,
         orientation: orientation * orientation,

@@ -75,6 +75,10 @@ impl<T: Scalar> EffectModel<T> for BaseFlex<T> {
         Stage::Posture
     }
 
+    fn loaded(&self) -> bool {
+        true
+    }
+
     #[inline]
     fn posture_partial(&self, k: usize, at: &Posture<'_, T>) -> Displacement<T> {
         let (Some(frame), Some(moment), Some(force)) =

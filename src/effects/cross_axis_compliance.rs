@@ -72,6 +72,10 @@ impl<T: Scalar> EffectModel<T> for CrossAxisCompliance<T> {
         Stage::Posture
     }
 
+    fn loaded(&self) -> bool {
+        true
+    }
+
     #[inline]
     fn posture_partial(&self, _k: usize, at: &Posture<'_, T>) -> Displacement<T> {
         let j = usize::from(self.joint);

@@ -159,6 +159,10 @@ impl<T: Scalar> EffectModel<T> for LinkBending<T> {
         Stage::Posture
     }
 
+    fn loaded(&self) -> bool {
+        true
+    }
+
     #[inline]
     fn posture_partial(&self, k: usize, at: &Posture<'_, T>) -> Displacement<T> {
         let j = usize::from(self.joint);

@@ -35,6 +35,7 @@ mod warm_up;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use crate::chain::Frame;
 use crate::{JointKind, Scalar, Twist};
 use situation::since;
 
@@ -145,6 +146,11 @@ pub trait EffectModel<T: Scalar> {
     /// When it is evaluated.
     fn stage(&self) -> Stage;
 
+    /// Whether it looks at gravity's moments and forces, which are only there if an effect does.
+    fn loaded(&self) -> bool {
+        false
+    }
+
     /// [`Stage::Reading`]: d (addition to the reading of [`Self::joint`]) / d `values()[k]`,
     /// rad or m per unit.
     fn reading_partial(&self, _k: usize, _at: &Reading<'_, T>) -> T {
@@ -227,6 +233,12 @@ macro_rules! effects {
             #[inline]
             pub fn stage(&self) -> Stage {
                 match self { $(Self::$name(e) => e.stage()),+ }
+            }
+
+            /// As its contract.
+            #[inline]
+            pub fn loaded(&self) -> bool {
+                match self { $(Self::$name(e) => e.loaded()),+ }
             }
 
             /// The joint and what this effect adds to its reading, rad or m.
@@ -313,6 +325,28 @@ pub(crate) fn about_joint<T: Scalar>(at: &Posture<'_, T>, j: usize) -> Displacem
             origin: frame.origin,
         },
         _ => Displacement::zero(),
+    }
+}
+
+/// Displacement of the tool point by `amount` (rad or m) of joint `j`'s own motion, `amount`
+/// from the joint and its frame.
+#[inline]
+fn moved<T: Scalar>(
+    at: &Posture<'_, T>,
+    j: usize,
+    amount: impl FnOnce(JointKind, &Frame<T>) -> T,
+) -> Twist<T> {
+    match (at.joints.get(j), at.frames.get(j)) {
+        (Some(joint), Some(frame)) => {
+            let along = frame.axis() * amount(joint.kind, frame);
+            match joint.kind {
+                JointKind::Revolute => {
+                    Twist::new(along.cross(&(at.tool.translation - frame.origin)), along)
+                }
+                JointKind::Prismatic => Twist::new(along, Vector3::zeros()),
+            }
+        }
+        _ => Twist::zero(),
     }
 }
 

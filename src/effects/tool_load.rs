@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Displacement, EffectModel, Posture, Stage, about_joint};
-use crate::Scalar;
+use super::{Displacement, EffectModel, Posture, Stage, about_joint, moved};
+use crate::{JointKind, Scalar, Twist};
 
 /// Tool load: turns (or slides) the joint by `load` times the torque (or force) of a unit mass
 /// at the tool point. `load` is the tool's mass times the joint's
@@ -65,5 +65,16 @@ impl<T: Scalar> EffectModel<T> for ToolLoad<T> {
         let load = d.twist.angular.dot(&moment) + d.twist.linear.dot(at.gravity);
         d.twist = d.twist.scaled(load);
         d
+    }
+
+    #[inline]
+    fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
+        moved(at, usize::from(self.joint), |kind, frame| {
+            let load = match kind {
+                JointKind::Revolute => (at.tool.translation - frame.origin).cross(at.gravity),
+                JointKind::Prismatic => *at.gravity,
+            };
+            frame.axis().dot(&load) * self.load[0]
+        })
     }
 }
