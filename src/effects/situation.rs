@@ -113,10 +113,7 @@ pub fn gravity_loads<T: Scalar>(
         let link = &joint.mass;
         if !link.mass.is_zero() {
             mass += link.mass;
-            let [x, y, z] = [0, 1, 2].map(|k| frame.rotation.column(k).into_owned());
-            let com = &link.com;
-            let centre = frame.origin + x * com.x + y * com.y + z * com.z;
-            first_moment += centre * link.mass;
+            first_moment += (frame.origin + frame.rotation * link.com) * link.mass;
         }
         *force = gravity * mass;
         *moment = (first_moment - frame.origin * mass).cross(gravity);
