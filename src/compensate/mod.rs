@@ -338,7 +338,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
                         (initial, best, Some(self.model.nominal_pose(&best.q)), s, i)
                     }),
                 (Method::Polynomial | Method::Cmac, _) => self
-                    .apply_taught(&mut descent, budget, &cost)
+                    .apply_taught(&mut descent, budget, cost)
                     .map(|(initial, best, s, i)| (initial, best, None, s, i)),
                 (Method::InverseJacobian | Method::Lqr, _) => descent
                     .run(&self.state.correction, budget, cost)
