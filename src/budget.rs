@@ -7,6 +7,9 @@
 //! let mut budget = Budget::cycles(&cycle_counter, 20_000);
 //! ```
 
+use crate::Scalar;
+use crate::effects::{Effect, Stage};
+
 /// A wrapping counter of cycles.
 pub trait Clock {
     /// Its present reading.
@@ -124,7 +127,7 @@ impl Budget<'static, NoClock> {
     }
 }
 
-/// What the parts of a compensation cost at worst, in cycles.
+/// What the parts of a compensation cost at worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cost {
     /// Around the iterations: the poses that the request and the answer nominally mean, where
@@ -134,29 +137,90 @@ pub struct Cost {
     pub iteration: u32,
 }
 
+/// Iterations after which the plain case is given up.
+pub const PLAIN_ITERATIONS: u32 = 4;
+
+/// Most cycles an instruction takes, averaged over any function of the loop
+/// (`docs/COST.md`: 2.7).
+const CYCLES: u32 = 3;
+
 impl Cost {
-    /// From the table for a Cortex-M4F at zero wait states. `joints`: N; `effects`: number of
-    /// effects, as if all were of the costliest kind.
-    ///
-    /// An estimate, not yet a measured bound (`tools/cost` counts the real ones); on other cores, or
-    /// with a clock that does not count core cycles, set `Settings::iteration_cycles`.
-    pub fn worst(joints: usize, effects: usize) -> Self {
-        let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
-        let (joints, effects) = (count(joints), count(effects));
-        let evaluation = 600u32
-            .saturating_add(joints.saturating_mul(260))
-            .saturating_add(effects.saturating_mul(700));
+    /// Cycles of a Cortex-M4F with memory that never waits. On other cores, or with a clock
+    /// that does not count core cycles, set [`crate::Settings::iteration_cycles`].
+    pub fn worst<T: Scalar>(joints: usize, effects: &[Effect<'_, T>]) -> Self {
+        Self::instructions(joints, effects).times(CYCLES)
+    }
+
+    /// As [`Cost::worst`], of the plain case: a rigid arm of turns, clear of singularities and
+    /// limits. If it turns out not to be plain, what was spent is lost.
+    pub fn plain(joints: usize) -> Self {
+        Self::plain_instructions(joints).times(CYCLES)
+    }
+
+    /// Bound on the instructions of an emulated Cortex-M4F, held by `tests/firmware` against
+    /// more than ten thousand adversarial requests (`tests/firmware/tests/budget_bounds_hold.rs`).
+    pub fn instructions<T: Scalar>(joints: usize, effects: &[Effect<'_, T>]) -> Self {
+        let n = count(joints);
+        let mut evaluation = 420u32.saturating_add(n.saturating_mul(135));
+        let (mut posture, mut loaded) = (false, false);
+        for effect in effects {
+            let own = match effect.stage() {
+                Stage::Reading => READING,
+                Stage::Posture => POSTURE,
+            };
+            posture |= effect.stage() == Stage::Posture;
+            loaded |= effect.loaded();
+            evaluation = evaluation.saturating_add(own);
+        }
+        if posture {
+            evaluation = evaluation.saturating_add(300);
+        }
+        if loaded {
+            evaluation = evaluation.saturating_add(60 + n.saturating_mul(80));
+        }
         // Below six joints the normal matrix has their number of rows.
-        let rows = joints.min(6);
-        let solve = rows
+        let rows = n.min(6);
+        let factor = rows
             .saturating_mul(rows)
-            .saturating_mul(rows)
-            .saturating_mul(8)
-            .saturating_add(joints.saturating_mul(400))
-            .saturating_add(800);
+            .saturating_mul(rows.saturating_mul(2).saturating_add(20))
+            .saturating_add(n.saturating_mul(80))
+            .saturating_add(300);
+        // Coordinate descent along the limits.
+        let along = n.saturating_mul(700);
         Self {
-            start: evaluation.saturating_mul(4).saturating_add(solve),
-            iteration: evaluation.saturating_add(solve.saturating_mul(2)),
+            start: evaluation
+                .saturating_mul(4)
+                .saturating_add(factor)
+                .saturating_add(n.saturating_mul(600))
+                .saturating_add(900),
+            iteration: evaluation
+                .saturating_add(factor)
+                .saturating_add(along)
+                .saturating_add(200),
         }
     }
+
+    /// As [`Cost::instructions`], of [`Cost::plain`].
+    pub fn plain_instructions(joints: usize) -> Self {
+        let n = count(joints);
+        Self {
+            start: 800u32.saturating_add(n.saturating_mul(160)),
+            iteration: 450u32.saturating_add(n.saturating_mul(110)),
+        }
+    }
+
+    fn times(self, factor: u32) -> Self {
+        Self {
+            start: self.start.saturating_mul(factor),
+            iteration: self.iteration.saturating_mul(factor),
+        }
+    }
+}
+
+/// Instructions of the dearest effect of each stage.
+const READING: u32 = 130;
+const POSTURE: u32 = 330;
+
+fn count(joints: usize) -> u32 {
+    u32::try_from(joints).unwrap_or(u32::MAX)
 }

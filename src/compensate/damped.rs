@@ -158,7 +158,11 @@ impl<T: Scalar> NormalMatrix<T> {
                 zy: o,
                 zz: position,
             },
-            mixed: [Vector3::new(o, o, v.x), Vector3::new(o, o, v.y), Vector3::zeros()],
+            mixed: [
+                Vector3::new(o, o, v.x),
+                Vector3::new(o, o, v.y),
+                Vector3::zeros(),
+            ],
         }
     }
 

@@ -170,8 +170,8 @@ pub struct Compensator<'m, T: Scalar, const N: usize> {
     /// For the plain case.
     constants: Option<swift::Constants<T, N>>,
     work: swift::Work<T, N>,
-    /// What a compensation costs at worst.
-    cost: Cost,
+    /// What a compensation costs at worst, and in the plain case.
+    costs: [Cost; 2],
     state: State<T, N>,
 }
 
@@ -183,7 +183,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             settings: model.settings,
             constants: swift::Constants::of(model, &model.settings),
             work: swift::Work::default(),
-            cost: cost(model, &model.settings),
+            costs: costs(model, &model.settings),
             state: State {
                 correction: [T::zero(); N],
                 last: [T::zero(); N],
@@ -200,7 +200,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         if settings.sound() {
             self.settings = settings;
             self.constants = swift::Constants::of(self.model, &settings);
-            self.cost = cost(self.model, &settings);
+            self.costs = costs(self.model, &settings);
         }
         self
     }
@@ -237,14 +237,11 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         inverse: Option<Inverse<'_, T, N>>,
         budget: &mut Budget<'_, C>,
     ) -> Outcome<T, N> {
-        let cost = Cost {
-            iteration: self.cost.iteration.max(self.state.longest),
-            ..self.cost
-        };
+        let [cost, plain] = self.costs;
         // The plain case checks the joints and the pose as it goes.
         if self.settings.method == Method::InverseJacobian
             && known(&request.conditions)
-            && budget.fits(cost.start)
+            && budget.fits(plain.start)
         {
             let nominal;
             let desired = match &request.pose {
@@ -254,7 +251,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
                     &nominal
                 }
             };
-            let outcome = self.swift(request, desired, budget, cost.iteration);
+            let outcome = self.swift(request, desired, budget, plain.iteration);
             if let Some(outcome) = outcome {
                 return outcome;
             }
@@ -264,7 +261,13 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
                 self.unchanged(self.state.last, Status::JointsNotFinite, budget)
             }
             Some(status) => self.unchanged(self.within_limits(&request.q), status, budget),
-            None => self.descend(request, inverse, budget, &cost),
+            None => {
+                let cost = Cost {
+                    iteration: cost.iteration.max(self.state.longest),
+                    ..cost
+                };
+                self.descend(request, inverse, budget, &cost)
+            }
         };
         if outcome.status.compensated() {
             for ((correction, &q), &start) in self
@@ -332,11 +335,11 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
                         )
                     })
                 }
-                (Method::TaskPoint, None) => descent
-                    .run(&self.state.correction, budget, cost)
-                    .map(|(initial, best, s, i)| {
+                (Method::TaskPoint, None) => descent.run(&self.state.correction, budget, cost).map(
+                    |(initial, best, s, i)| {
                         (initial, best, Some(self.model.nominal_pose(&best.q)), s, i)
-                    }),
+                    },
+                ),
                 (Method::Polynomial | Method::Cmac, _) => self
                     .apply_taught(&mut descent, budget, cost)
                     .map(|(initial, best, s, i)| (initial, best, None, s, i)),
@@ -415,15 +418,16 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
     }
 }
 
-/// What a compensation costs at worst.
-fn cost<T: Scalar, const N: usize>(model: &Model<'_, T, N>, settings: &Settings<T>) -> Cost {
+/// What a compensation costs at worst, in general and in the plain case.
+fn costs<T: Scalar, const N: usize>(model: &Model<'_, T, N>, settings: &Settings<T>) -> [Cost; 2] {
     match settings.iteration_cycles {
-        // Four evaluations and a factor take less than three iterations.
-        Some(iteration) => Cost {
-            start: iteration.saturating_mul(3),
+        // Four evaluations and a factor take less than three iterations; what is around the
+        // plain case, a pose among it, less than two of its own, which are the shorter ones.
+        Some(iteration) => [3, 2].map(|start| Cost {
+            start: iteration.saturating_mul(start),
             iteration,
-        },
-        None => Cost::worst(N, model.effects.len()),
+        }),
+        None => [Cost::worst(N, &model.effects), Cost::plain(N)],
     }
 }
 

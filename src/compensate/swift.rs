@@ -20,7 +20,7 @@ use super::damped::{multipliers, share};
 use super::error::PoseError;
 use super::rigid::{Rest, approach, square};
 use super::{Compensator, Outcome, Request, Status};
-use crate::budget::{Budget, Clock};
+use crate::budget::{Budget, Clock, PLAIN_ITERATIONS};
 use crate::model::Model;
 use crate::{JointKind, Pose, Scalar, Settings, Twist};
 
@@ -204,7 +204,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             } else {
                 // Newton's pace, which NaN does not have either.
                 let converging = merit * T::of(16.0) <= before;
-                if !converging {
+                if !converging || u32::from(iterations) >= PLAIN_ITERATIONS {
                     return None;
                 }
             }

@@ -83,7 +83,9 @@ impl<T: Scalar> EffectModel<T> for JointCompliance<T> {
                 JointKind::Revolute => at.moments,
                 JointKind::Prismatic => at.forces,
             };
-            let load = loads.get(j).map_or_else(T::zero, |load| frame.axis().dot(load));
+            let load = loads
+                .get(j)
+                .map_or_else(T::zero, |load| frame.axis().dot(load));
             load * self.compliance[0]
         })
     }

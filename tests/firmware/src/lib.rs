@@ -23,6 +23,7 @@ pub mod ram;
 pub mod tick;
 #[cfg(target_os = "none")]
 pub mod uart;
+pub mod worst;
 
 #[cfg(target_os = "none")]
 #[doc(hidden)]
