@@ -27,16 +27,28 @@ pub(super) fn load<'a, T: Scalar, const N: usize>(
 ) -> Result<(), BlobError> {
     let mut body = Body::new(bytes);
     body.text(NAME)?;
+    arm(&mut body, model)?;
+    model.settings = body.take::<Settings<f64>>()?.cast();
+    taught(&mut body, layout, model)
+}
+
+/// Both chains, and the effects attached to the calibrated one. The descriptions take most of
+/// the room; it is free again when this returns.
+#[inline(never)]
+fn arm<'a, T: Scalar, const N: usize>(
+    body: &mut Body<'a>,
+    model: &mut Model<'a, T, N>,
+) -> Result<(), BlobError> {
     let mut arm = Described {
         base: Pose::identity(),
         joints: [Joint::new(JointKind::Revolute, Convention::Dh); N],
         tool: Pose::identity(),
     };
     let mut gauges = [Pose::identity(); N];
-    arm.read(&mut body, &mut model.nominal, &mut gauges)?;
+    arm.read(body, &mut model.nominal, &mut gauges)?;
     let nominal = arm.base.rotation;
-    let base = arm.read(&mut body, &mut model.calibrated, &mut gauges)?;
-    commands(&mut body, model, [&nominal, &arm.base.rotation])?;
+    let base = arm.read(body, &mut model.calibrated, &mut gauges)?;
+    commands(body, model, [&nominal, &arm.base.rotation])?;
     let described = Description {
         base: &base.inverse().then(&arm.base),
         joints: &arm.joints,
@@ -45,11 +57,10 @@ pub(super) fn load<'a, T: Scalar, const N: usize>(
     };
     model.effects.clear();
     for _ in 0..body.count(MAX_EFFECTS)? {
-        let effect = effect(&mut body, &described)?;
+        let effect = effect(body, &described)?;
         model.effects.push(effect).map_err(|_| BlobError::Body)?;
     }
-    model.settings = body.take::<Settings<f64>>()?.cast();
-    taught(&mut body, layout, model)
+    Ok(())
 }
 
 impl<const N: usize> Described<N> {

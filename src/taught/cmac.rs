@@ -104,7 +104,7 @@ impl<'a, T: Scalar> Cmac<'a, T> {
         Cmac {
             region: self.region.cast(),
             layout: self.layout,
-            scale: self.scale.iter().map(|x| U::of(x.widen())).collect(),
+            scale: super::listed(self.scale.iter().map(|x| U::of(x.widen()))),
             table: self.table,
         }
     }

@@ -1,5 +1,5 @@
-//! All that a controller calls in its loop, once: every method, every effect, whatever the
-//! compiler could leave out hidden from it.
+//! All that a controller calls, once: in its loop every method and every effect, beside it the
+//! link and both kinds of memory, whatever the compiler could leave out hidden from it.
 
 use core::hint::black_box;
 
@@ -8,8 +8,11 @@ use truepose::budget::{Budget, Clock};
 use truepose::compensate::spherical_wrist::SphericalWrist;
 use truepose::compensate::{Compensator, Request, minimum_move, task_point};
 use truepose::effects::{Ambient, Conditions};
+use truepose::link::{Event, Link, Tally};
+use truepose::storage::{Eeprom, Flash, Geometry, Memory, Store};
 use truepose::{Method, Model, Settings};
 
+use crate::absent::Absent;
 use crate::arm::JOINTS;
 
 /// Runs it. True if every answer was a compensation.
@@ -54,4 +57,38 @@ pub fn run(model: &Model<'_, f32, JOINTS>, clock: &impl Clock) -> bool {
     let wanted = model.nominal_pose(&q);
     black_box(Request::sensed(model, q, &seen, &wanted, conditions));
     answered
+}
+
+/// Blobs over a link into a flash and into an EEPROM. `room`: for one blob. Hardware that is
+/// not there sends nothing that makes sense, so nothing may be taken in.
+#[inline(never)]
+pub fn keep(room: &mut [u8]) -> bool {
+    let geometry = black_box(Geometry {
+        device: 0x50,
+        size: 32 * 1024,
+        page: 64,
+        address_bytes: 2,
+    });
+    let nothing_kept = keep_in(Flash::new(Absent), room);
+    nothing_kept & keep_in(Eeprom::new(Absent, Absent, geometry), room)
+}
+
+/// The same with one memory.
+fn keep_in<M: Memory>(memory: M, room: &mut [u8]) -> bool {
+    let Ok(mut store) = Store::new(memory) else {
+        return false;
+    };
+    let mut link = Link::new("PUMA 560", "truepose-firmware", JOINTS as u8);
+    let mut nothing_kept = !matches!(store.load(room), Ok(Some(_)));
+    for _ in 0..black_box(8) {
+        match link.poll(&mut Absent, &mut store, room, &Tally::default()) {
+            Ok(Event::Saved(active)) => {
+                link.put_to_use(active);
+                nothing_kept = false;
+            }
+            Ok(Event::Idle | Event::Worked) => {}
+            Err(never) => match never {},
+        }
+    }
+    nothing_kept
 }

@@ -7,6 +7,7 @@
 
 #[cfg(target_os = "none")]
 pub mod above_link;
+pub mod absent;
 pub mod arm;
 #[cfg(target_os = "none")]
 pub mod board;

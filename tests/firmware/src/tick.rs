@@ -14,7 +14,10 @@ static TASK: Mutex<RefCell<Option<Task>>> = Mutex::new(RefCell::new(None));
 #[exception]
 fn SysTick() {
     interrupt::free(|token| {
-        if let Some(task) = TASK.borrow(token).borrow_mut().as_mut() {
+        // Nobody else borrows it with interrupts on.
+        if let Ok(mut task) = TASK.borrow(token).try_borrow_mut()
+            && let Some(task) = task.as_mut()
+        {
             task();
         }
     });

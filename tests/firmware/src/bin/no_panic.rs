@@ -11,7 +11,7 @@ mod target {
     use truepose::Model;
     use truepose::params::decode_into;
     use truepose_firmware::arm::JOINTS;
-    use truepose_firmware::parameters::WITH_EFFECTS;
+    use truepose_firmware::parameters::{ROOM, WITH_EFFECTS};
     use truepose_firmware::{clock, controller};
 
     #[expect(unsafe_code, reason = "names a function that is defined nowhere")]
@@ -28,7 +28,9 @@ mod target {
     fn start() -> ! {
         let mut model = Model::<f32, JOINTS>::empty();
         let decoded = decode_into(black_box(WITH_EFFECTS), &mut model);
-        let ends_well = decoded.is_ok() && controller::run(&model, &clock());
+        let ends_well = decoded.is_ok()
+            && controller::run(&model, &clock())
+            && controller::keep(&mut [0; ROOM]);
         loop {
             debug::exit(if ends_well {
                 EXIT_SUCCESS
