@@ -276,6 +276,14 @@ impl<'a> Blob<'a> {
     }
 }
 
+/// Checks a blob as [`Blob::decode`] does, with little room. Returns the name of its robot and
+/// its number of joints.
+pub fn examine(bytes: &[u8]) -> Result<(&str, usize), BlobError> {
+    let (layout, joints, body) = open(bytes)?;
+    check::check(body, layout, joints)?;
+    Ok((body::Body::new(body).text(NAME)?, joints))
+}
+
 /// Reads a blob on the controller.
 ///
 /// `T`: number type of the loop, `N`: number of joints of the arm. Needs no heap; stack beside

@@ -6,7 +6,7 @@ use super::message::{
     Active, Announcement, Ask, Fault, Identity, PROTOCOL, Refusal, Reply, Report, Request, Stage,
 };
 use super::tally::Tally;
-use crate::params::{Blob, LAYOUT, checksum_onwards};
+use crate::params::{LAYOUT, checksum_onwards, examine};
 use crate::storage::{Memory, Progress, StorageError, Store, Update};
 
 /// A blob that is coming.
@@ -250,13 +250,13 @@ impl<'n> Desk<'n> {
             .ok()
             .and_then(|length| room.get(..length))
             .ok_or(Refusal::Checksum)?;
-        let blob = Blob::decode(bytes).map_err(Refusal::Blob)?;
-        if blob.joints() != usize::from(self.joints) {
+        let (robot, joints) = examine(bytes).map_err(Refusal::Blob)?;
+        if joints != usize::from(self.joints) {
             return Err(Refusal::Joints {
                 expected: self.joints,
             });
         }
-        if blob.robot != self.robot {
+        if robot != self.robot {
             return Err(Refusal::Robot);
         }
         store

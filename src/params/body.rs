@@ -20,13 +20,13 @@ impl<'a> Body<'a> {
         V::deserialize(&mut self.0).map_err(|_| BlobError::Body)
     }
 
-    /// Goes past a string of at most `room` bytes.
-    pub(super) fn text(&mut self, room: usize) -> Result<(), BlobError> {
+    /// A string of at most `room` bytes.
+    pub(super) fn text(&mut self, room: usize) -> Result<&'a str, BlobError> {
         let text: &str = self.take()?;
         if text.len() > room {
             return Err(BlobError::Body);
         }
-        Ok(())
+        Ok(text)
     }
 
     /// Length of the list whose items come next, at most `room`.

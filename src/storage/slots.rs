@@ -2,7 +2,7 @@
 
 use super::record::{RECORD, Record};
 use super::{LONGEST_WORD, Memory, StorageError};
-use crate::params::{Blob, BlobError, checksum};
+use crate::params::{BlobError, checksum, examine};
 
 /// A slot that counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,7 +71,7 @@ impl<M: Memory> Store<M> {
     /// `None`: there is none.
     ///
     /// Call it once, at the start; it waits for the memory. The blob is checked as
-    /// [`Blob::decode`] does.
+    /// [`examine`] does.
     pub fn load(&mut self, room: &mut [u8]) -> Result<Option<Stored>, StorageError<M::Error>> {
         let (first, second) = (self.record_of(0)?, self.record_of(1)?);
         let swapped = match (&first, &second) {
@@ -95,7 +95,7 @@ impl<M: Memory> Store<M> {
                 .ok_or(StorageError::RoomTooSmall { length })?;
             self.read(self.blob_address(slot), blob)?;
             let refusal = if checksum(blob) == record.crc {
-                Blob::decode(blob).err()
+                examine(blob).err()
             } else {
                 Some(BlobError::Checksum)
             };

@@ -3,7 +3,7 @@
 use super::record::{RECORD, Record};
 use super::slots::{Current, Store};
 use super::{LONGEST_WORD, Memory, StorageError};
-use crate::params::{Blob, checksum, checksum_onwards};
+use crate::params::{checksum, checksum_onwards, examine};
 
 /// An update under way: [`Store::begin`] makes it, [`Store::step`] carries it on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,13 +53,13 @@ pub enum Progress {
 
 impl<M: Memory> Store<M> {
     /// Begins to bring `blob` into the slot that is not current. Writes nothing yet; refuses
-    /// what [`Blob::decode`] refuses.
+    /// what [`examine`] refuses.
     pub fn begin(&self, blob: &[u8]) -> Result<Update, StorageError<M::Error>> {
-        Blob::decode(blob)?;
+        examine(blob)?;
         self.begin_checked(blob, checksum(blob))
     }
 
-    /// The same for a blob that [`Blob::decode`] has accepted, and its checksum.
+    /// The same for a blob that [`examine`] has accepted, and its checksum.
     pub(crate) fn begin_checked(
         &self,
         blob: &[u8],
