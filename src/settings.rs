@@ -8,6 +8,7 @@ use crate::Scalar;
 ///
 /// The variant's position is its number in stored blobs: append, never reorder, never remove.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Method {
     /// Damped inverse Jacobian, iterated. MRD 5.2.1.
     InverseJacobian,

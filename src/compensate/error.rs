@@ -7,6 +7,7 @@ use crate::{Pose, Scalar, Twist};
 
 /// Size of a pose error.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PoseError<T> {
     /// Distance of the tool points, m.
     pub position: T,

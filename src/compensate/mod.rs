@@ -90,6 +90,7 @@ impl<T: Scalar, const N: usize> Request<T, N> {
 
 /// Why a compensation ended as it did. The joints are safe to send in every case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Status {
     /// The predicted pose error is below both tolerances.
     Converged,
@@ -149,6 +150,24 @@ pub struct Outcome<T: Scalar, const N: usize> {
     pub clamped: [bool; N],
     /// Cycles spent, by the budget's clock.
     pub cycles: u32,
+}
+
+/// Without the task point, whose numbers a log has no use for.
+#[cfg(feature = "defmt")]
+impl<T: Scalar + defmt::Format, const N: usize> defmt::Format for Outcome<T, N> {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(
+            f,
+            "{}: {} after {=u8} iterations, {=u32} cycles, error {} to {}, clamped {}",
+            self.status,
+            self.q,
+            self.iterations,
+            self.cycles,
+            self.initial,
+            self.remaining,
+            self.clamped,
+        );
+    }
 }
 
 /// What a compensator remembers from one cycle to the next.

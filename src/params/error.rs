@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Why a blob was refused, read or written. Joints and effects count from 1. Over the link a
 /// variant goes by its position: append, never reorder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BlobError {
     /// Not even a header.
     TooShort {
