@@ -1,5 +1,7 @@
 //! The blobs that the programs hold are those of the arm that the source describes.
 
+use truepose::params::Blob;
+use truepose_firmware::methods::TAUGHT;
 use truepose_firmware::parameters::{RIGID, ROOM, WITH_EFFECTS, effects, encode};
 
 const HOW: &str = "cargo run -p truepose-firmware --example write_blobs";
@@ -19,4 +21,14 @@ fn the_blob_with_effects_is_current() {
         now == WITH_EFFECTS,
         "with_effects.tpb is not current: {HOW}"
     );
+}
+
+#[test]
+fn the_blob_with_tables_is_the_one_with_effects_besides() {
+    let mut taught = Blob::decode(TAUGHT).unwrap();
+    let plain = Blob::decode(WITH_EFFECTS).unwrap();
+    assert!(taught.taught.polynomial.is_some() && taught.taught.cmac.is_some());
+    taught.taught = plain.taught.clone();
+    taught.settings.method = plain.settings.method;
+    assert!(taught == plain, "taught.tpb: see src/methods.rs");
 }
