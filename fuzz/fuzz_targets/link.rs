@@ -53,6 +53,7 @@ fuzz_target!(|bytes: &[u8]| {
     let mut wire = Wire(bytes);
     let mut store = Store::new(Flash::new(Ram::new())).expect("two slots");
     let mut room = vec![0; 8192];
+    assert_eq!(store.load(&mut room), Ok(None));
     let mut link = Link::new("PUMA 560", "fuzz", 6);
     let mut idle = 0;
     while idle < 3 || !wire.0.is_empty() {

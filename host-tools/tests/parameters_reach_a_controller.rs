@@ -133,6 +133,7 @@ fn serve(listener: &TcpListener, stop: &AtomicBool, name: &str, harm: usize, pro
     listener.set_nonblocking(true).unwrap();
     let mut store = Store::new(Flash::new(Ram::new())).unwrap();
     let (mut room, mut used) = (vec![0; 8192], Vec::new());
+    assert_eq!(store.load(&mut room), Ok(None));
     let mut link = Link::new(name, "simulated", 6);
     let mut tally = Tally::default();
     let mut wire: Option<Wire> = None;

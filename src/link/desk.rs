@@ -294,7 +294,7 @@ impl Transfer {
 /// What the host has to know of an error of the storage.
 fn fault<E>(error: &StorageError<E>) -> Fault {
     match error {
-        StorageError::Memory(_) => Fault::Memory,
+        StorageError::Memory(_) | StorageError::NotLoaded => Fault::Memory,
         StorageError::Stale => Fault::Interrupted,
         _ => Fault::NotAsWritten,
     }

@@ -12,6 +12,8 @@ pub enum StorageError<E> {
     /// The memory cannot be cut into two slots: a page below 16 bytes, a word that does not
     /// divide the page or is longer than [`super::LONGEST_WORD`], or no place for two slots.
     Geometry,
+    /// Nobody has looked yet which slot is current: [`super::Store::load`] goes first.
+    NotLoaded,
     /// What is to be kept is no blob.
     Blob(BlobError),
     /// The blob is larger than a slot.
@@ -37,6 +39,7 @@ impl<E: fmt::Debug> fmt::Display for StorageError<E> {
         match self {
             Self::Memory(cause) => write!(f, "the memory failed: {cause:?}"),
             Self::Geometry => f.write_str("the memory cannot be cut into two slots"),
+            Self::NotLoaded => f.write_str("nobody has looked yet what the memory holds"),
             Self::Blob(cause) => write!(f, "{cause}"),
             Self::TooLarge { length, room } => {
                 write!(f, "{length} bytes do not fit into a slot of {room}")

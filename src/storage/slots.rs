@@ -33,6 +33,9 @@ pub struct Store<M> {
     /// Bytes of a slot, a multiple of the memory's block.
     slot: usize,
     pub(super) current: Option<Current>,
+    /// Whether it is known what the memory holds, and the newest number in it.
+    pub(super) loaded: bool,
+    pub(super) newest: Option<u32>,
 }
 
 impl<M: Memory> Store<M> {
@@ -54,6 +57,8 @@ impl<M: Memory> Store<M> {
             memory,
             slot,
             current: None,
+            loaded: false,
+            newest: None,
         })
     }
 
@@ -70,8 +75,8 @@ impl<M: Memory> Store<M> {
     /// Finds the newest blob that is whole and sound and reads it to the beginning of `room`.
     /// `None`: there is none.
     ///
-    /// Call it once, at the start; it waits for the memory. The blob is checked as
-    /// [`examine`] does.
+    /// Call it once, at the start: before, nothing can be kept. It waits for the memory. The
+    /// blob is checked as [`examine`] does.
     pub fn load(&mut self, room: &mut [u8]) -> Result<Option<Stored>, StorageError<M::Error>> {
         let (first, second) = (self.record_of(0)?, self.record_of(1)?);
         let swapped = match (&first, &second) {
@@ -83,6 +88,9 @@ impl<M: Memory> Store<M> {
         } else {
             [(0, first), (1, second)]
         };
+        self.newest = newest_first
+            .iter()
+            .find_map(|(_, record)| record.map(|record| record.sequence));
         let mut passed_over = None;
         for (slot, record) in newest_first {
             let Some(record) = record else { continue };
@@ -101,6 +109,7 @@ impl<M: Memory> Store<M> {
             };
             if refusal.is_none() {
                 self.current = Some(Current { slot, record });
+                self.loaded = true;
                 return Ok(Some(Stored {
                     length,
                     crc: record.crc,
@@ -111,6 +120,7 @@ impl<M: Memory> Store<M> {
             passed_over = passed_over.or(refusal);
         }
         self.current = None;
+        self.loaded = true;
         Ok(None)
     }
 

@@ -53,7 +53,7 @@ pub enum Progress {
 
 impl<M: Memory> Store<M> {
     /// Begins to bring `blob` into the slot that is not current. Writes nothing yet; refuses
-    /// what [`examine`] refuses.
+    /// what [`examine`] refuses. [`Store::load`] goes before.
     pub fn begin(&self, blob: &[u8]) -> Result<Update, StorageError<M::Error>> {
         examine(blob)?;
         self.begin_checked(blob, checksum(blob))
@@ -69,6 +69,9 @@ impl<M: Memory> Store<M> {
             length: blob.len(),
             room: self.room(),
         };
+        if !self.loaded {
+            return Err(StorageError::NotLoaded);
+        }
         if blob.len() > self.room() {
             return Err(too_large);
         }
@@ -77,7 +80,7 @@ impl<M: Memory> Store<M> {
         Ok(Update {
             slot: before.map_or(0, |current| 1 - current.slot),
             record: Record {
-                sequence: before.map_or(1, |current| current.record.sequence.wrapping_add(1)),
+                sequence: self.newest.map_or(1, |newest| newest.wrapping_add(1)),
                 length,
                 crc,
             },
@@ -165,6 +168,7 @@ impl<M: Memory> Store<M> {
                     slot: update.slot,
                     record: update.record,
                 });
+                self.newest = Some(update.record.sequence);
                 self.write_copy(update.slot, &update.record);
                 Phase::Done
             }

@@ -89,12 +89,15 @@ pub(crate) struct Controller {
 impl Controller {
     pub(crate) fn new(robot: &'static str, joints: u8) -> Self {
         let chip = Memory::new(2 * SLOT);
+        let mut store = Store::new(Flash::new(chip.clone())).unwrap();
+        let mut room = vec![0; SLOT];
+        assert_eq!(store.load(&mut room), Ok(None));
         Self {
             wire: Wire::default(),
             link: Link::new(robot, "tests", joints),
-            store: Store::new(Flash::new(chip.clone())).unwrap(),
+            store,
             chip,
-            room: vec![0; SLOT],
+            room,
             tally: Tally::default(),
             saved: Vec::new(),
             number: 0,

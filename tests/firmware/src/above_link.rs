@@ -122,18 +122,21 @@ pub fn run(_: &mut dyn fmt::Write) -> fmt::Result {
 
 fn start() -> Result<Infallible, fmt::Error> {
     let mut core = cortex_m::Peripherals::take().ok_or(fmt::Error)?;
+    // One holds the parameters in use, the other takes new ones in.
+    let (mut one, mut other) = ([0; ROOM], [0; ROOM]);
+    let mut store = Store::new(Flash::new(Ram::new())).map_err(|_| fmt::Error)?;
+    // Nothing yet, in this memory: the firmware's own are used.
+    store.load(&mut other).map_err(|_| fmt::Error)?;
     let mut below = Below {
         link: Link::new("PUMA 560", "truepose-firmware", JOINTS as u8),
         uart: Uart::start(),
-        store: Store::new(Flash::new(Ram::new())).map_err(|_| fmt::Error)?,
+        store,
     };
     below.link.put_to_use(Active {
         length: RIGID.len() as u32,
         crc: checksum(RIGID),
         sequence: 0,
     });
-    // One holds the parameters in use, the other takes new ones in.
-    let (mut one, mut other) = ([0; ROOM], [0; ROOM]);
     let mut model = decode(RIGID).map_err(|_| fmt::Error)?;
     let timer = Timer::start();
     tick::every(&mut core.SYST, PERIOD);

@@ -32,6 +32,7 @@ impl Board {
         // A port that nobody has.
         let address = TcpListener::bind("127.0.0.1:0")?.local_addr()?;
         let process = folder.join("emulator.pid");
+        let _ = fs::remove_file(&process);
         let run = Command::new("tools/cargo-thumb")
             .args(["run", "--quiet", "--release"])
             .args(["--package", "truepose-firmware", "--bin", "link", "--"])
