@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("  {name:<4}{x:>9.4} +- {error:.4}  (true {truth:.4}) m{unit}");
     }
     let mut random = Random::new(2, 0);
-    let sets = study(&drive, [&truth, &start], &poses, 30, 2000, &mut random)
+    let sets = study(&drive, [&truth, &start], &poses, 30, 1000, &mut random)
         .map_err(|why| format!("{why:?}"))?;
     println!(
         "{} sets of 30 poses, {} not identified",

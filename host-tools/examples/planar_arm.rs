@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("  {name:<8}{x:>10.5} +- {error:.5}  (true {truth:.5}) {unit}");
     }
     let mut random = Random::new(2, 0);
-    let sets = study(&arm, [&truth, &start], &poses, 50, 5000, &mut random)
+    let sets = study(&arm, [&truth, &start], &poses, 50, 2000, &mut random)
         .map_err(|why| format!("{why:?}"))?;
     print_study(&sets);
     Ok(())
