@@ -14,6 +14,7 @@ use truepose_host::description::{Robot, RobotJoint};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::identify;
 use truepose_host::identify::linearize::{Evaluator, linearize};
+use truepose_host::identify::method::Method;
 use truepose_host::identify::observation::{Observation, Sigmas};
 use truepose_host::identify::problem::Problem;
 use truepose_host::identify::unknown::{Unknown, apply};
@@ -244,6 +245,8 @@ fn observation(q: Vec<f64>, position: Vector3<f64>, rotation: Option<Pose<f64>>)
         rotation: rotation.map(|pose| pose.rotation),
         targets: Vec::new(),
         length: None,
+        relations: Vec::new(),
+        weight: 1.0,
     }
 }
 
@@ -298,6 +301,11 @@ fn both_models_of_the_case_study_gain_more_than_an_order_of_magnitude() {
                 verify: Vec::new(),
                 sigmas,
                 sessions: vec![0],
+                points: Vec::new(),
+                planes: Vec::new(),
+                stations: 0,
+                targets_known: false,
+                method: Method::default(),
                 target_offsets: Vec::new(),
                 effects: Vec::new(),
             };
