@@ -1,6 +1,6 @@
 //! Circle point analysis: the arm from sweeps of single joints, without any drawing. MRD 4.6.
 //!
-//! 1. runs of rows in which one joint alone moves ([`sweeps`]);
+//! 1. runs of rows in which one joint alone moves ([`mod@sweeps`]);
 //! 2. what the target draws in each: a circle about a revolute joint's axis, a line along a
 //!    slide ([`fits`], [`axes`]);
 //! 3. every axis carried back to where it is when all joints read zero, from the first joint
