@@ -18,12 +18,12 @@ use crate::ram::Ram;
 use crate::tick;
 use crate::uart::{Timer, Uart};
 
-/// Ticks of 25 MHz from one command to the next: 20 ms, or 78 000 instructions here, as many as
-/// a millisecond has at 78 MHz.
-const PERIOD: u32 = 500_000;
+/// Ticks of 25 MHz from one command to the next: 40 ms, or 156 000 instructions here, as many as
+/// a millisecond has at 156 MHz.
+const PERIOD: u32 = 1_000_000;
 
 /// Instructions that an answer may take.
-const LIMIT: u32 = 60_000;
+const LIMIT: u32 = 120_000;
 
 /// Cycles between two questions to a UART that has nothing.
 const PAUSE: u32 = 2000;
