@@ -12,8 +12,9 @@ use truepose::{Convention, Pose};
 use truepose_host::convert::{Form, convert};
 use truepose_host::description::{Robot, RobotJoint};
 use truepose_host::identify::arm::ArmModel;
+use truepose_host::identify::evaluator::Evaluator;
 use truepose_host::identify::identify;
-use truepose_host::identify::linearize::{Evaluator, linearize};
+use truepose_host::identify::linearize::linearize;
 use truepose_host::identify::observation::Observation;
 use truepose_host::identify::structure::{complete_count, structure};
 use truepose_host::identify::unknown::{Unknown, apply};
@@ -88,13 +89,7 @@ fn arms_of_nearly_parallel_axes_are_as_well_conditioned_as_others() {
             source: "synthetic".into(),
         };
         let hayati = convert(&robot, Form::Hayati).unwrap().robot;
-        let hayati = ArmModel::new(
-            hayati.base,
-            hayati.geometry(),
-            hayati.masses(),
-            hayati.tool,
-            hayati.gravity,
-        );
+        let hayati = ArmModel::drawn(&hayati);
         for arm in [&tilted, &hayati] {
             let found = structure(arm, SIGMAS);
             assert_eq!(found.unknowns.len(), complete_count(arm), "{kinds}");

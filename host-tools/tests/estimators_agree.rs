@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use synthetic::{SIGMAS, Seen, anywhere, apart, arm, built, measured, problem};
 use truepose::{Convention, Parameter};
 use truepose_host::identify::arm::ArmModel;
-use truepose_host::identify::linearize::Evaluator;
+use truepose_host::identify::evaluator::Evaluator;
 use truepose_host::identify::method::{ESTIMATORS, Estimator, Loss, Method};
 use truepose_host::identify::observation::Observation;
 use truepose_host::identify::unknown::Unknown;

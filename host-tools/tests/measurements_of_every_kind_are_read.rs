@@ -17,7 +17,7 @@ use serde_json::Value;
 use support::{folder, names, robot, said, truepose};
 use truepose::Pose;
 use truepose_host::identify::arm::ArmModel;
-use truepose_host::identify::linearize::Evaluator;
+use truepose_host::identify::evaluator::Evaluator;
 use truepose_host::identify::observation::{Observation, Sigmas};
 use truepose_host::identify::relation::bearing;
 use truepose_host::random::Random;
@@ -31,13 +31,7 @@ const UNIT: Sigmas = Sigmas {
 /// The arm of `support` as it was really built, seen from the instrument.
 fn built(folder: &Path) -> ArmModel {
     let robot = robot(folder);
-    let mut arm = ArmModel::new(
-        robot.base,
-        robot.geometry(),
-        robot.masses(),
-        robot.tool,
-        robot.gravity,
-    );
+    let mut arm = ArmModel::drawn(&robot);
     let mut random = Random::new(1, 2);
     for joint in &mut arm.joints {
         joint.theta += random.between(-1e-3, 1e-3);

@@ -20,13 +20,7 @@ const SIGMAS: Sigmas = Sigmas {
 
 fn arm(arm: Arm, seen: Seen) -> MeasuredArm {
     let robot = Cell::as_drawn(arm).robot();
-    let mut model = ArmModel::new(
-        robot.base,
-        robot.geometry(),
-        robot.masses(),
-        robot.tool,
-        robot.gravity,
-    );
+    let mut model = ArmModel::drawn(&robot);
     model.anchor = [1.5, 1.0, 0.3].into();
     MeasuredArm::new(model, seen, SIGMAS, limits(&robot).unwrap())
 }

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use synthetic::{SIGMAS, Seen, anywhere, arm, built, measured, problem};
 use truepose::Convention;
 use truepose_host::identify::arm::ArmModel;
-use truepose_host::identify::linearize::Evaluator;
+use truepose_host::identify::evaluator::Evaluator;
 use truepose_host::identify::method::{ESTIMATORS, Method};
 use truepose_host::identify::observation::Observation;
 use truepose_host::identify::{Calibration, Failure, Status, identify};

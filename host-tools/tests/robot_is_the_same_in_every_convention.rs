@@ -44,24 +44,13 @@ fn robot(convention: Convention, kinds: &str, parallel: &[usize], seed: u64) -> 
     }
 }
 
-fn model(robot: &Robot) -> ArmModel {
-    let joints = robot.geometry();
-    ArmModel::new(
-        robot.base,
-        joints,
-        robot.masses(),
-        robot.tool,
-        robot.gravity,
-    )
-}
-
 /// Largest difference of tool poses (m and rad), of links' centres of mass (m) and of gravity
 /// in the world, at random readings.
 fn apart(a: &Robot, b: &Robot) -> f64 {
     let mut random = Random::new(5, 95);
     let mut far = ((a.base.rotation * a.gravity) - (b.base.rotation * b.gravity)).norm();
     for _ in 0..20 {
-        let q = readings(&model(a), &mut random);
+        let q = readings(&ArmModel::drawn(a), &mut random);
         let twist = a.forward(&q).twist_to(&b.forward(&q));
         far = far.max(twist.linear.norm()).max(twist.angular.norm());
         let (mut x, mut y) = (a.base, b.base);
@@ -174,7 +163,7 @@ fn apart_no_mass(a: &Robot, b: &Robot) -> f64 {
     let mut random = Random::new(6, 95);
     (0..20)
         .map(|_| {
-            let q = readings(&model(a), &mut random);
+            let q = readings(&ArmModel::drawn(a), &mut random);
             let twist = a.forward(&q).twist_to(&b.forward(&q));
             twist.linear.norm().max(twist.angular.norm())
         })

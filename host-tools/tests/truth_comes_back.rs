@@ -154,7 +154,7 @@ fn what_these_poses_cannot_show_is_said_and_stays_as_drawn() {
             q
         })
         .collect();
-    let mut evaluator = truepose_host::identify::linearize::Evaluator::new(&truth, SIGMAS);
+    let mut evaluator = truepose_host::identify::evaluator::Evaluator::new(&truth, SIGMAS);
     for (o, q) in data.iter_mut().zip(still) {
         o.q = q;
         let pose = evaluator.observe(o);

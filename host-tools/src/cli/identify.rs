@@ -1,10 +1,8 @@
 //! `truepose identify`: the arm's geometry, and effects named beforehand.
 
-use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::Args;
-use truepose_host::deploy::{Origin, blob};
 use truepose_host::description::Robot;
 use truepose_host::error::Error;
 use truepose_host::identify::bootstrap::bootstrap;
@@ -12,11 +10,9 @@ use truepose_host::identify::method::{Estimator, Loss, Method};
 use truepose_host::identify::named::effects;
 use truepose_host::identify::readings::identify_file_by;
 use truepose_host::measurement::{self, Expected, Purpose};
-use truepose_host::output::Output;
 use truepose_host::report::Report;
-use truepose_host::report::html::html;
-use truepose_host::report::text::text;
 
+use super::deliver::deliver;
 use super::options::{Data, Out, Page, RobotFile};
 use super::{Files, Outcome, warn};
 
@@ -113,7 +109,7 @@ pub(crate) fn files(options: &Options) -> Files<'_> {
 }
 
 pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
-    let (data_file, out): (&PathBuf, &PathBuf) = (&options.data.data, &options.out.out);
+    let data_file = &options.data.data;
     let method = method(options)?;
     let robot = Robot::read(&options.robot.robot)?;
     let data = measurement::read(data_file, &Expected::of(&robot), Purpose::Fit)?;
@@ -127,30 +123,12 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
         let scatter = bootstrap(&identified.problem, calibration, draws);
         report.add_bootstrap(calibration, &scatter);
     }
-    let bytes = blob(
+    deliver(
         &robot,
-        &identified.calibration,
         data_file,
-        &Origin {
-            rows_identify: report.summary.rows.identify,
-            rows_verify: report.summary.rows.verify,
-            rms: report.before_and_after_mm().map(|mm| mm * 1e-3),
-        },
-    )?;
-    let mut outputs = vec![Output {
-        file: out.clone(),
-        bytes,
-    }];
-    if let Some(file) = &options.page.report {
-        outputs.push(Output {
-            file: file.clone(),
-            bytes: html(&report).map_err(Error::Drawing)?.into_bytes(),
-        });
-    }
-    Ok(Outcome {
-        text: text(&report),
-        json: serde_json::to_value(&report.summary).map_err(Error::Json)?,
-        outputs,
-        answer: true,
-    })
+        &identified.calibration,
+        &report,
+        &options.out,
+        &options.page,
+    )
 }

@@ -9,6 +9,7 @@
 mod circle_points;
 mod compensate;
 mod convert;
+mod deliver;
 mod demo;
 mod diagnose;
 mod identify;

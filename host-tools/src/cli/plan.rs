@@ -7,12 +7,10 @@ use serde_json::json;
 use truepose::Pose;
 use truepose::params::Blob;
 use truepose_host::description::Robot;
-use truepose_host::diagnose::diagnose;
 use truepose_host::error::Error;
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::observation::Sigmas;
 use truepose_host::identify::problem::ASSUMED;
-use truepose_host::identify::readings::identify_file;
 use truepose_host::measurement::{self, Expected, Measured, Purpose};
 use truepose_host::observability::Observability;
 use truepose_host::output::Output;
@@ -21,6 +19,7 @@ use truepose_host::plan::{
     self, Criterion, DECIDED, MeasuredArm, Plan, Seen, Sensitivity, Settings,
 };
 
+use super::diagnose::diagnosed;
 use super::options::Out;
 use super::progress::Progress;
 use super::verify::three_digits;
@@ -192,14 +191,7 @@ fn discriminating(options: &Options, robot: &Robot, limits: &[[f64; 2]]) -> Resu
         return Err(Error::Usage("--discriminate needs --data".to_owned()));
     };
     let data = measurement::read(file, &Expected::of(robot), Purpose::Fit)?;
-    warn(&data.warnings);
-    let explain = |failure: truepose_host::identify::Failure| failure.explain(file);
-    let identified = identify_file(robot, &data, Vec::new()).map_err(explain)?;
-    let bar = indicatif::ProgressBar::new_spinner();
-    bar.enable_steady_tick(std::time::Duration::from_millis(200));
-    let diagnosis = diagnose(identified, &|step| bar.set_message(step.to_owned()));
-    bar.finish_and_clear();
-    let diagnosis = diagnosis.map_err(explain)?;
+    let (diagnosis, _) = diagnosed(robot, file, &data)?;
     let decision = plan::discriminate(&diagnosis, limits, options.poses, options.seed);
     let Some(decision) = decision else {
         return Ok(Outcome {
@@ -277,27 +269,22 @@ fn table_of(poses: &[Vec<f64>], joints: usize) -> String {
 
 /// The arm as far as it is known, its base in the world frame's origin.
 fn known(options: &Options, robot: &Robot) -> Result<ArmModel, Error> {
-    let (joints, masses) = (robot.geometry(), robot.masses());
     let Some(file) = &options.params else {
-        let base = Pose::identity();
-        return Ok(ArmModel::new(
-            base,
-            joints,
-            masses,
-            robot.tool,
-            robot.gravity,
-        ));
+        let mut arm = ArmModel::drawn(robot);
+        arm.bases = vec![Pose::identity()];
+        arm.bake();
+        return Ok(arm);
     };
     // Tables of effects are read in place: the bytes live as long as the program.
     let bytes: &'static [u8] = parameters::read(file)?.leak();
     let blob: Blob<'static> = parameters::decode(file, bytes)?;
-    if blob.joints() != joints.len() {
+    if blob.joints() != robot.joints.len() {
         return Err(Error::Usage(format!(
             "{} has {} joints, {} has {}; give the parameters of this robot",
             file.display(),
             blob.joints(),
             options.robot.display(),
-            joints.len()
+            robot.joints.len()
         )));
     }
     let mut arm = ArmModel::new(

@@ -9,7 +9,7 @@ use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
 use super::search::Search;
 use super::space::{Columns, columns};
-use crate::identify::linearize::Evaluator;
+use crate::identify::evaluator::Evaluator;
 use crate::random::Random;
 
 /// Shuffles.

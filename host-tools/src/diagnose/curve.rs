@@ -8,7 +8,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::identify::arm::{ArmModel, Curve};
-use crate::identify::linearize::{Evaluator, linearize};
+use crate::identify::evaluator::Evaluator;
+use crate::identify::linearize::linearize;
 use crate::identify::observation::{Observation, Sigmas};
 use crate::identify::unknown::{Unknown, apply};
 

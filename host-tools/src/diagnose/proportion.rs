@@ -11,7 +11,7 @@ use truepose::effects::{Effect, JointCompliance};
 
 use super::hypothesis::Members;
 use super::model::Extended;
-use crate::identify::linearize::Evaluator;
+use crate::identify::evaluator::Evaluator;
 use crate::identify::observation::{Observation, Sigmas};
 
 /// Chance below which an effect is called out of proportion, all trials considered.

@@ -9,7 +9,8 @@ use super::chance::ln_p_of_f;
 use super::curve;
 use super::hypothesis::{Hypothesis, Members};
 use crate::identify::arm::ArmModel;
-use crate::identify::linearize::{Evaluator, Linear};
+use crate::identify::evaluator::Evaluator;
+use crate::identify::linearize::Linear;
 use crate::identify::observation::{Observation, Sigmas};
 
 /// A plausible effect moves the tool by this much, root mean square over the rows, m.

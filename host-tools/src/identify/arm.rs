@@ -1,5 +1,6 @@
 //! The arm under identification: its description and the baked form that is evaluated.
 
+use crate::description::Robot;
 use nalgebra::Vector3;
 use truepose::effects::{Description, Effect, hat};
 use truepose::jacobian::{AttachedTwist, Attachment, carried, parameter_twists};
@@ -106,6 +107,17 @@ impl ArmModel {
         };
         arm.bake();
         arm
+    }
+
+    /// The arm as it is drawn.
+    pub fn drawn(robot: &Robot) -> Self {
+        Self::new(
+            robot.base,
+            robot.geometry(),
+            robot.masses(),
+            robot.tool,
+            robot.gravity,
+        )
     }
 
     /// To be called after any change of the description.

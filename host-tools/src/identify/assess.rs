@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use truepose::Pose;
 
 use super::arm::ArmModel;
-use super::linearize::Evaluator;
+use super::evaluator::Evaluator;
 use super::observation::{Observation, Sigmas};
 
 /// Statistics of a set of distances or angles, SI units.

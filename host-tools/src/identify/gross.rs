@@ -2,7 +2,7 @@
 //! badly.
 
 use super::arm::ArmModel;
-use super::linearize::Evaluator;
+use super::evaluator::Evaluator;
 use super::observation::{Observation, Sigmas};
 use super::solve::misfit;
 

@@ -10,6 +10,7 @@ pub mod arm;
 pub mod assess;
 mod attached;
 pub mod bootstrap;
+pub mod evaluator;
 pub mod factor;
 mod failure;
 mod golden;

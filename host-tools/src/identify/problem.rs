@@ -122,13 +122,7 @@ impl Problem {
             }
         }
         Self {
-            drawing: ArmModel::new(
-                robot.base,
-                robot.geometry(),
-                robot.masses(),
-                robot.tool,
-                robot.gravity,
-            ),
+            drawing: ArmModel::drawn(robot),
             identify,
             verify,
             sigmas: Sigmas {

@@ -10,7 +10,7 @@ use super::{Distances, Report, Row, schema};
 use crate::identify::arm::ArmModel;
 use crate::identify::assess::{Errors, Statistics, errors};
 use crate::identify::bootstrap::Bootstrap;
-use crate::identify::linearize::Evaluator;
+use crate::identify::evaluator::Evaluator;
 use crate::identify::noise::{Component, fitted, of_fitted};
 use crate::identify::observation::Observation;
 use crate::identify::predicted::{Covariance, Uncertainty};

@@ -10,7 +10,7 @@ use crate::diagnose::hypothesis::Members;
 use crate::diagnose::search::Ranked;
 use crate::diagnose::{Diagnosis, Named};
 use crate::identify::arm::ArmModel;
-use crate::identify::linearize::Evaluator;
+use crate::identify::evaluator::Evaluator;
 use crate::identify::observation::{Observation, Sigmas};
 
 /// Rows whose tool a joint moves less than this share of its typical way say little of it.

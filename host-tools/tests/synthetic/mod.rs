@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use truepose::effects::Ambient;
 use truepose::{Convention, Joint, JointKind, LinkMass, Pose};
 use truepose_host::identify::arm::ArmModel;
-use truepose_host::identify::linearize::Evaluator;
+use truepose_host::identify::evaluator::Evaluator;
 use truepose_host::identify::method::Method;
 use truepose_host::identify::observation::{Observation, Sigmas};
 use truepose_host::identify::problem::Problem;

@@ -10,7 +10,7 @@ use crate::diagnose::chance::ln_chi_square;
 use crate::diagnose::whiteness::projected::Projected;
 use crate::diagnose::whiteness::shapes::own_functions;
 use crate::identify::Stage;
-use crate::identify::linearize::Evaluator;
+use crate::identify::evaluator::Evaluator;
 use crate::identify::observation::Observation;
 use crate::identify::problem::Problem;
 use crate::measurement::Dataset;

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use super::placing::{Flanges, LEVER, Placing, angle, middle};
 use super::{Finding, Kind, millimetres};
 use crate::identify::arm::ArmModel;
-use crate::identify::linearize::Evaluator;
+use crate::identify::evaluator::Evaluator;
 use crate::identify::observation::Observation;
 use crate::identify::problem::Problem;
 

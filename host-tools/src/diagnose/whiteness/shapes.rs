@@ -7,7 +7,8 @@ use truepose::{JointKind, Parameter, Twist};
 
 use super::Subject;
 use crate::identify::arm::ArmModel;
-use crate::identify::linearize::{Evaluator, linearize};
+use crate::identify::evaluator::Evaluator;
+use crate::identify::linearize::linearize;
 use crate::identify::observation::{Observation, Sigmas};
 use crate::identify::unknown::Unknown;
 
