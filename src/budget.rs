@@ -141,7 +141,7 @@ pub struct Cost {
 pub const PLAIN_ITERATIONS: u32 = 4;
 
 /// Most cycles an instruction takes, averaged over any function of the loop
-/// (`docs/COST.md`: 2.7).
+/// (`docs/COST.md`: 2.4 where it is most, an iteration).
 const CYCLES: u32 = 3;
 
 impl Cost {

@@ -158,24 +158,21 @@ fn distances_between_poses() {
     assert!(report["error_mm"]["nominal"]["rms"].as_f64().unwrap() > 0.3);
     assert_eq!(report["verdict"], "nothing-missing");
 
-    // diagnose says that it cannot, and writes nothing
+    // what diagnoses says that it cannot, and writes nothing
     let _ = fs::remove_file(folder.join("p.tpb"));
-    let arguments = [
-        "diagnose",
-        "--robot",
-        "robot.toml",
-        "--data",
-        "d.csv",
-        "--out",
-        "p.tpb",
-    ];
-    let (status, _, err) = said(&truepose(&folder, &arguments));
-    assert_eq!(status, 2);
-    assert!(
-        err.contains("pair") && err.contains("take identify"),
-        "{err}"
-    );
-    assert!(!names(&folder).contains(&"p.tpb".to_owned()));
+    for command in [
+        &["diagnose"][..],
+        &["plan", "--discriminate", "--poses", "9"],
+    ] {
+        let files = ["--robot", "robot.toml", "--data", "d.csv", "--out", "p.tpb"];
+        let (status, _, err) = said(&truepose(&folder, &[command, &files].concat()));
+        assert_eq!(status, 2, "{command:?}: {err}");
+        assert!(
+            err.contains("pair") && err.contains("take identify"),
+            "{command:?}: {err}"
+        );
+        assert!(!names(&folder).contains(&"p.tpb".to_owned()));
+    }
 }
 
 #[test]

@@ -13,10 +13,9 @@
 //! last three axes by their reciprocal vectors (5.49 to 5.51). In vectors it needs no frame of
 //! its own, and holds for every arm of the kind, whatever its offsets and twists.
 //!
-//! The book's compensation by the nominal Jacobian takes this and no more. The general path has
-//! the calibrated Jacobian, whose axes do not meet, and converges in half the iterations, each
-//! of which costs more to evaluate than to solve: so the compensators do without this one.
-//! It is for controllers that have nominal frames only, as `tests/elbow_arm.rs` shows.
+//! The book's compensation by the nominal Jacobian takes this and no more. The compensators use
+//! the calibrated Jacobian, whose axes do not meet. This one is for controllers that have nominal
+//! frames only, as `tests/elbow_arm.rs` shows.
 
 use nalgebra::Vector3;
 

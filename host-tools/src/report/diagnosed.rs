@@ -116,7 +116,7 @@ fn reasons(diagnosis: &Diagnosis, report: &Report) -> Vec<String> {
     reasons
 }
 
-/// The effects in words, the largest gains first said, and the error before and after.
+/// The first effects in words, in the order of addition, and the error before and after each.
 fn found(report: &Report) -> Option<String> {
     const SAID: usize = 3;
     let last = report.evidence.last()?;
