@@ -13,7 +13,7 @@ use truepose::Convention;
 use truepose::effects::{Effect, GearEccentricity};
 use truepose_host::diagnose::hypothesis::Hypothesis;
 use truepose_host::diagnose::model::Extended;
-use truepose_host::diagnose::{Diagnosis, diagnose};
+use truepose_host::diagnose::{Diagnosis, UNDECIDED, diagnose};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::evaluator::Evaluator;
 use truepose_host::identify::linearize::residuals;
@@ -21,7 +21,7 @@ use truepose_host::identify::observation::Observation;
 use truepose_host::identify::problem::Joints;
 use truepose_host::identify::readings::Identified;
 use truepose_host::identify::{geometry, identify};
-use truepose_host::plan::{DECIDED, discriminate};
+use truepose_host::plan::discriminate;
 use truepose_host::random::Random;
 
 /// Joint 3's gear runs out of true once a turn.
@@ -44,7 +44,7 @@ fn diagnosed(drawing: &ArmModel, rows: &[Observation], verify: &[Observation]) -
 fn open(diagnosis: &Diagnosis) -> usize {
     let rivals = diagnosis.named.iter().flat_map(|n| &n.rivals);
     rivals
-        .filter(|r| r.delta_bic < DECIDED && r.similarity > 0.7)
+        .filter(|r| r.delta_bic < UNDECIDED && r.similarity > 0.7)
         .count()
 }
 
@@ -71,7 +71,7 @@ fn chosen_poses_decide_what_a_narrow_range_left_open() {
     let decision = discriminate(&before, &limits, 20, 1).unwrap();
     assert_eq!(decision.poses.len(), 20);
     for dispute in &decision.disputes {
-        assert!(dispute.planned > 4.0 * DECIDED, "{dispute:?}");
+        assert!(dispute.planned > 4.0 * UNDECIDED, "{dispute:?}");
     }
 
     let mut random = Random::new(9, 9);
@@ -106,8 +106,8 @@ fn chosen_poses_decide_what_a_narrow_range_left_open() {
         .find(|h| h.kind == "gear-eccentricity" && near(h.order, 1.0))
         .unwrap();
     let lead = |rows: &[Observation]| squares(rows, &found.step.hypothesis) - squares(rows, truth);
-    assert!(lead(rows).abs() < DECIDED, "{}", lead(rows));
-    assert!(lead(&more) > 10.0 * DECIDED, "{}", lead(&more));
+    assert!(lead(rows).abs() < UNDECIDED, "{}", lead(rows));
+    assert!(lead(&more) > 10.0 * UNDECIDED, "{}", lead(&more));
 }
 
 fn near(order: Option<f64>, wanted: f64) -> bool {

@@ -7,6 +7,7 @@ use serde_json::json;
 use truepose::Pose;
 use truepose::params::Blob;
 use truepose_host::description::Robot;
+use truepose_host::diagnose::UNDECIDED;
 use truepose_host::error::Error;
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::observation::Sigmas;
@@ -15,9 +16,7 @@ use truepose_host::measurement::{self, Expected, Measured, Purpose};
 use truepose_host::observability::Observability;
 use truepose_host::output::Output;
 use truepose_host::parameters;
-use truepose_host::plan::{
-    self, Criterion, DECIDED, MeasuredArm, Plan, Seen, Sensitivity, Settings,
-};
+use truepose_host::plan::{self, Criterion, MeasuredArm, Plan, Seen, Sensitivity, Settings};
 
 use super::diagnose::diagnosed;
 use super::options::Out;
@@ -224,7 +223,7 @@ fn discriminating(options: &Options, robot: &Robot, limits: &[[f64; 2]]) -> Resu
             dispute.rival
         );
     }
-    let undecided = decision.disputes.iter().filter(|d| d.planned < DECIDED);
+    let undecided = decision.disputes.iter().filter(|d| d.planned < UNDECIDED);
     let undecided = undecided.count();
     if undecided > 0 {
         text += &format!(

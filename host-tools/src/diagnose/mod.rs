@@ -23,4 +23,4 @@ pub mod unseen;
 pub mod validate;
 pub mod whiteness;
 
-pub use run::{Answer, Diagnosis, Named, Rival, diagnose};
+pub use run::{Answer, Diagnosis, Named, Rival, UNDECIDED, diagnose};

@@ -23,7 +23,7 @@ use crate::identify::{Failure, Stage, geometry};
 const SEARCH_EQUATIONS: usize = 2400;
 
 /// Rivals this close make the verdict ambiguous: odds below 20 to 1.
-const UNDECIDED: f64 = 6.0;
+pub const UNDECIDED: f64 = 6.0;
 
 /// Seed of the permutation tests.
 const SEED: u64 = 1;

@@ -12,7 +12,7 @@ use truepose::effects::Effect;
 
 use super::random_poses;
 use crate::diagnose::hypothesis::Members;
-use crate::diagnose::{Diagnosis, Named, Rival};
+use crate::diagnose::{Diagnosis, Named, Rival, UNDECIDED};
 use crate::identify::arm::ArmModel;
 use crate::identify::linearize::linearize;
 use crate::identify::observation::{Observation, Sigmas};
@@ -24,10 +24,6 @@ const POOL: usize = 1500;
 
 /// Random numbers of the pool.
 const STREAM: u64 = 7;
-
-/// Differences in BIC below this leave it open which of two explanations is right: odds below
-/// 20 to 1.
-pub const DECIDED: f64 = 6.0;
 
 /// Less alike than this (cosine of what they do to the rows), two effects explain different
 /// parts of the residual and are no rivals.
@@ -125,7 +121,7 @@ pub fn discriminate(
 }
 
 fn is_open(rival: &Rival) -> bool {
-    rival.delta_bic < DECIDED && rival.similarity > ALIKE
+    rival.delta_bic < UNDECIDED && rival.similarity > ALIKE
 }
 
 /// An effect and its rival in a linear problem: what the effect does to the rows, and the

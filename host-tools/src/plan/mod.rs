@@ -19,7 +19,7 @@ use crate::observability::{Observability, Unobservable, scale_columns};
 use crate::random::Random;
 
 pub use arm::{MeasuredArm, Seen, limits};
-pub use discriminate::{DECIDED, Decision, Dispute, discriminate};
+pub use discriminate::{Decision, Dispute, discriminate};
 
 use design::Blocks;
 pub use forecast::Forecast;
