@@ -17,7 +17,7 @@ use truepose_firmware::parameters::{RIGID, ROOM, WITH_EFFECTS};
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
 /// The emulated controller; ended when it is dropped.
@@ -76,16 +76,12 @@ impl Drop for Board {
 fn truepose(folder: &Path, arguments: &[&str]) -> Outcome<(Option<i32>, String, Value)> {
     let json = folder.join("said.json");
     let _ = fs::remove_file(&json);
-    let run = Command::new(env!("CARGO"))
-        .args(["run", "--quiet", "--profile", "test"])
-        .args(["--package", "truepose-host-tools"])
-        .args(["--bin", "truepose", "--"])
+    let run = Command::new(env!("CARGO_BIN_EXE_truepose"))
         .args(arguments)
         // The emulator hands over byte by byte, slowly where the machine is busy.
         .args(["--patience", "20"])
         .arg("--json")
         .arg(&json)
-        .current_dir(root())
         .output()?;
     let talk = String::from_utf8_lossy(&run.stderr);
     let value = fs::read_to_string(&json).map_err(|e| format!("{e}: {talk}"))?;
