@@ -42,6 +42,7 @@ const SIGMAS: Sigmas = Sigmas {
     position: 2e-5,
     orientation: 7e-5,
     length: 2e-5,
+    ..Sigmas::UNIT
 };
 
 /// An elbow arm with a wrist whose axes do not meet; with a slide as its third joint instead

@@ -6,169 +6,24 @@
     reason = "a fit that cannot be made in a test helper is a failed test"
 )]
 
+mod bound;
 mod synthetic;
 
-use nalgebra::{DMatrix, DVector, Vector3};
-use synthetic::{CONVENTIONS, SIGMAS, anywhere, apart, arm, built, problem, readings};
+use bound::{Bound, bound, posture, problem_of, surrounded};
+use nalgebra::Vector3;
+use synthetic::{CONVENTIONS, SIGMAS, anywhere, apart, arm, built, problem};
 use truepose::{Convention, Pose};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::evaluator::Evaluator;
 use truepose_host::identify::linearize::{linearize, residuals};
 use truepose_host::identify::observation::Observation;
 use truepose_host::identify::problem::Problem;
-use truepose_host::identify::relation::{Plane, Relation, bearing};
+use truepose_host::identify::relation::Relation;
 use truepose_host::identify::unknown::{Unknown, apply};
 use truepose_host::identify::{Calibration, Status, identify};
 use truepose_host::random::Random;
 
 const TRUTH: f64 = 1e-9;
-
-/// What the tool point is bound by.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Bound {
-    Distance,
-    Points,
-    Planes,
-    Bearings,
-}
-
-fn posture(arm: &ArmModel, random: &mut Random) -> Observation {
-    let n = arm.joint_count();
-    Observation {
-        q: readings(arm, random),
-        direction: vec![0.0; n],
-        travel: vec![0.0; n],
-        ..Observation::default()
-    }
-}
-
-/// Moves `o` until what `off` says of the tool point is zero: Newton's steps of least size.
-fn brought(
-    arm: &ArmModel,
-    o: &mut Observation,
-    off: impl Fn(Vector3<f64>) -> DVector<f64>,
-) -> bool {
-    let mut evaluator = Evaluator::new(arm, SIGMAS);
-    for _ in 0..100 {
-        let p = evaluator.observe(o).translation;
-        let miss = off(p);
-        if miss.norm() < 1e-14 {
-            return true;
-        }
-        let n = arm.joint_count();
-        // d miss / d p by differences: the functions here are straight or nearly so
-        let h = 1e-6;
-        let slope = DMatrix::from_fn(miss.len(), 3, |i, axis| {
-            let step = Vector3::ith(axis, h);
-            (off(p + step)[i] - off(p - step)[i]) / (2.0 * h)
-        });
-        let joints = DMatrix::from_fn(3, n, |i, j| evaluator.joint_twist(j).linear[i]);
-        let j = slope * joints;
-        let Ok(step) = j.svd(true, true).solve(&miss, 1e-6) else {
-            return false;
-        };
-        let step = &step * (0.3 / step.norm().max(0.3));
-        o.q.iter_mut().zip(step.iter()).for_each(|(q, d)| *q -= d);
-    }
-    false
-}
-
-/// `rows` postures of `truth`, each bound in one way, exactly.
-fn bound(truth: &ArmModel, by: Bound, rows: usize) -> Vec<Observation> {
-    let mut random = Random::new(3, 5);
-    let mut evaluator = Evaluator::new(truth, SIGMAS);
-    let mut found = Vec::new();
-    while found.len() < rows {
-        let mut o = posture(truth, &mut random);
-        let index = found.len();
-        o.row = index + 1;
-        match by {
-            Bound::Distance => {
-                let to = posture(truth, &mut random);
-                let far = evaluator.observe(&to).translation;
-                let distance = (evaluator.observe(&o).translation - far).norm();
-                o.relations.push(Relation::Distance {
-                    to: Box::new(to),
-                    distance,
-                    sigma: 3e-5,
-                });
-            }
-            Bound::Points => {
-                let point = index % truth.points.len();
-                let fixed = truth.points[point];
-                let off = |p: Vector3<f64>| DVector::from_column_slice((p - fixed).as_slice());
-                if !brought(truth, &mut o, off) {
-                    continue;
-                }
-                o.relations.push(Relation::Point { point, sigma: 3e-5 });
-            }
-            Bound::Planes => {
-                let plane = index % truth.planes.len();
-                let fixed = truth.planes[plane];
-                let off = |p: Vector3<f64>| DVector::from_element(1, fixed.distance(&p));
-                if !brought(truth, &mut o, off) {
-                    continue;
-                }
-                o.relations.push(Relation::Plane { plane, sigma: 3e-5 });
-            }
-            Bound::Bearings => {
-                let p = evaluator.observe(&o).translation;
-                for (station, from) in truth.stations.iter().enumerate() {
-                    let [azimuth, elevation] = bearing(from, &p);
-                    o.relations.push(Relation::Bearing {
-                        station,
-                        azimuth,
-                        elevation,
-                        sigma: 1e-5,
-                    });
-                }
-            }
-        }
-        found.push(o);
-    }
-    found
-}
-
-/// Where the base, the fixed things and the instruments really are.
-fn surrounded(drawing: &ArmModel, by: Bound, seed: u64) -> ArmModel {
-    let mut truth = built(drawing, 1e-3, seed);
-    if by == Bound::Bearings {
-        let far = anywhere(&mut Random::new(seed, 1));
-        truth.bases[0] = Pose::new(far.rotation, Vector3::new(3.0, 1.0, -0.4));
-        truth.stations = vec![
-            Pose::identity(),
-            Pose::from_xyz_rpy(Vector3::new(1.0, 4.0, 0.5), Vector3::new(0.02, -0.05, -1.3)),
-        ];
-    }
-    truth.points = vec![
-        Vector3::new(0.5, 0.2, 0.3),
-        Vector3::new(-0.3, 0.45, 0.1),
-        Vector3::new(0.1, -0.5, 0.5),
-    ];
-    truth.planes = vec![
-        Plane::new(&Vector3::new(0.0, 0.0, 0.1), &Vector3::new(0.1, -0.2, 1.0)),
-        Plane::new(&Vector3::new(0.4, 0.0, 0.0), &Vector3::new(1.0, 0.2, -0.1)),
-        Plane::new(&Vector3::new(0.0, -0.3, 0.0), &Vector3::new(0.2, 1.0, 0.3)),
-    ];
-    truth.bake();
-    truth
-}
-
-fn problem_of(drawing: &ArmModel, by: Bound, identify: Vec<Observation>) -> Problem {
-    let count = |is: Bound| {
-        if by == is {
-            (1..=3).collect()
-        } else {
-            Vec::new()
-        }
-    };
-    Problem {
-        points: count(Bound::Points),
-        planes: count(Bound::Planes),
-        stations: if by == Bound::Bearings { 2 } else { 0 },
-        ..problem(drawing, identify)
-    }
-}
 
 /// Gives `truth` the length that measurements without scale take from the drawing.
 fn same_size(truth: &mut ArmModel, drawing: &ArmModel, calibration: &Calibration) -> Unknown {
@@ -187,15 +42,10 @@ fn same_size(truth: &mut ArmModel, drawing: &ArmModel, calibration: &Calibration
 
 #[test]
 fn derivatives_follow_differences() {
-    for by in [
-        Bound::Distance,
-        Bound::Points,
-        Bound::Planes,
-        Bound::Bearings,
-    ] {
+    for by in Bound::ALL {
         let drawing = arm(Convention::Dh, "RRRRRR", &[], 8);
         let truth = surrounded(&drawing, by, 8);
-        let rows = bound(&truth, by, 6);
+        let rows = bound(&truth, by, 6, 0.0, 3);
         // somewhere else, so that no residual is zero
         let mut here = built(&truth, 2e-3, 9);
         let mut unknowns: Vec<Unknown> = Vec::new();
@@ -242,7 +92,7 @@ fn the_true_arm_comes_back() {
             let drawing = arm(convention, "RRRRRR", &[], 8);
             let mut truth = surrounded(&drawing, by, 8);
             let run = |truth: &ArmModel| {
-                identify(&problem_of(&drawing, by, bound(truth, by, rows)))
+                identify(&problem_of(&drawing, by, bound(truth, by, rows, 0.0, 3)))
                     .unwrap_or_else(|failure| panic!("{convention:?} {by:?}: {failure:?}"))
             };
             let mut calibration = run(&truth);
@@ -275,7 +125,7 @@ fn what_they_cannot_show_is_said() {
         (Bound::Bearings, 80, "proportions"),
     ] {
         let truth = surrounded(&drawing, by, 8);
-        let problem = problem_of(&drawing, by, bound(&truth, by, rows));
+        let problem = problem_of(&drawing, by, bound(&truth, by, rows, 0.0, 3));
         let calibration = identify(&problem).unwrap();
         let notes = calibration.statuses.iter().filter_map(|(_, s)| match s {
             Status::Fixed(note) | Status::Merged(note) => Some(note.as_str()),
@@ -313,7 +163,6 @@ fn an_instrument_that_was_moved() {
             o.relations.push(Relation::Distance {
                 to: Box::new(to),
                 distance,
-                sigma: 3e-5,
             });
         }
         o

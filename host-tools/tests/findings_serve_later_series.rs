@@ -21,7 +21,7 @@ fn realigned(arm: &ArmModel, rows: &[&Observation]) -> f64 {
     let sigmas = truepose_host::identify::observation::Sigmas {
         position: 2e-5,
         orientation: 7e-5,
-        length: 2e-5,
+        ..truepose_host::identify::problem::ASSUMED
     };
     fit(&mut arm, &unknowns, rows, sigmas, Prior::None);
     Statistics::of(&errors(&arm, rows).distances).map_or(f64::NAN, |s| s.rms)

@@ -136,11 +136,7 @@ struct Outcome {
     arm: ArmModel,
 }
 
-const UNIT: Sigmas = Sigmas {
-    position: 1.0,
-    orientation: 1.0,
-    length: 1.0,
-};
+const UNIT: Sigmas = Sigmas::UNIT;
 
 /// Iterated linear least squares, as LSQRR.
 fn simulate(case: Case, seed: u64) -> Outcome {

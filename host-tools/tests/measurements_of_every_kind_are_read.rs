@@ -22,11 +22,7 @@ use truepose_host::identify::observation::{Observation, Sigmas};
 use truepose_host::identify::relation::bearing;
 use truepose_host::random::Random;
 
-const UNIT: Sigmas = Sigmas {
-    position: 1.0,
-    orientation: 1.0,
-    length: 1.0,
-};
+const UNIT: Sigmas = Sigmas::UNIT;
 
 /// The arm of `support` as it was really built, seen from the instrument.
 fn built(folder: &Path) -> ArmModel {
@@ -158,21 +154,34 @@ fn distances_between_poses() {
     assert!(report["error_mm"]["nominal"]["rms"].as_f64().unwrap() > 0.3);
     assert_eq!(report["verdict"], "nothing-missing");
 
-    // what diagnoses says that it cannot, and writes nothing
+    // what diagnoses reads them as well
     let _ = fs::remove_file(folder.join("p.tpb"));
-    for command in [
-        &["diagnose"][..],
-        &["plan", "--discriminate", "--poses", "9"],
-    ] {
-        let files = ["--robot", "robot.toml", "--data", "d.csv", "--out", "p.tpb"];
-        let (status, _, err) = said(&truepose(&folder, &[command, &files].concat()));
-        assert_eq!(status, 2, "{command:?}: {err}");
-        assert!(
-            err.contains("pair") && err.contains("take identify"),
-            "{command:?}: {err}"
-        );
-        assert!(!names(&folder).contains(&"p.tpb".to_owned()));
-    }
+    let files = ["--robot", "robot.toml", "--data", "d.csv", "--out", "p.tpb"];
+    let json = ["--json", "r.json"];
+    let (status, out, err) = said(&truepose(
+        &folder,
+        &[&["diagnose"][..], &files, &json].concat(),
+    ));
+    assert_eq!(status, 0, "{out}{err}");
+    let report = fs::read_to_string(folder.join("r.json")).unwrap();
+    let report: Value = serde_json::from_str(&report).unwrap();
+    assert_eq!(report["measured"], "distance");
+    assert_eq!(report["verdict"], "nothing-missing", "{out}");
+    assert!(names(&folder).contains(&"p.tpb".to_owned()));
+
+    // and plan goes on with the kind that was measured
+    let more = ["--poses", "20", "--robot", "robot.toml", "--data", "d.csv"];
+    let out = ["--out", "more.csv", "--json", "r.json"];
+    let (status, said, err) = said(&truepose(&folder, &[&["plan"][..], &more, &out].concat()));
+    assert_eq!(status, 0, "{said}{err}");
+    let report = fs::read_to_string(folder.join("r.json")).unwrap();
+    let report: Value = serde_json::from_str(&report).unwrap();
+    assert_eq!(
+        (&report["poses"], &report["measured_before"]),
+        (&20.into(), &400.into())
+    );
+    let more = fs::read_to_string(folder.join("more.csv")).unwrap();
+    assert!(more.starts_with("q1,q2,q3,q4,q5,q6,pair\n"), "{more}");
 }
 
 #[test]

@@ -3,11 +3,15 @@
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests stop the test")]
 
+use nalgebra::Vector3;
+use truepose::Pose;
 use truepose_host::cell::{Arm, Cell};
 use truepose_host::identify::arm::ArmModel;
-use truepose_host::identify::observation::Sigmas;
+use truepose_host::identify::evaluator::Evaluator;
+use truepose_host::identify::observation::{Observation, Sigmas};
+use truepose_host::identify::relation::Plane;
 use truepose_host::plan::{
-    Criterion, MeasuredArm, Plan, Refused, Seen, Sensitivity, Settings, assess, limits, plan,
+    Criterion, MeasuredArm, Plan, Refused, Seen, Sensitivity, Settings, assess, draw, limits, plan,
     random_poses,
 };
 use truepose_host::random::Random;
@@ -16,12 +20,29 @@ const SIGMAS: Sigmas = Sigmas {
     position: 2e-5,
     orientation: 7e-5,
     length: 2e-5,
+    distance: 2e-5,
+    contact: 2e-5,
+    bearing: 1e-5,
 };
 
 fn arm(arm: Arm, seen: Seen) -> MeasuredArm {
     let robot = Cell::as_drawn(arm).robot();
     let mut model = ArmModel::drawn(&robot);
     model.anchor = [1.5, 1.0, 0.3].into();
+    MeasuredArm::new(model, seen, SIGMAS, limits(&robot).unwrap())
+}
+
+/// The same among stations, points and planes.
+fn surrounded(seen: Seen) -> MeasuredArm {
+    let robot = Cell::as_drawn(Arm::Puma560).robot();
+    let mut model = ArmModel::drawn(&robot);
+    let at = |x, y, z| Pose::from_xyz_rpy(Vector3::new(x, y, z), Vector3::zeros());
+    model.stations = vec![at(3.0, 0.5, 0.4), at(0.5, 3.0, 0.2)];
+    model.points = vec![Vector3::new(0.5, 0.3, 0.2), Vector3::new(0.4, -0.4, 0.4)];
+    model.planes = vec![
+        Plane::new(&Vector3::new(0.0, 0.0, -0.1), &Vector3::new(0.0, 0.1, 1.0)),
+        Plane::new(&Vector3::new(0.5, 0.0, 0.0), &Vector3::new(1.0, 0.2, -0.1)),
+    ];
     MeasuredArm::new(model, seen, SIGMAS, limits(&robot).unwrap())
 }
 
@@ -97,6 +118,87 @@ fn counts_the_parameters_that_theory_lets_be_seen() {
     ] {
         assert_eq!(arm(robot, seen).parameters(), count, "{robot:?} {seen:?}");
     }
+}
+
+#[test]
+fn bearings_pairs_and_touches_are_planned_as_they_are_measured() {
+    // What each can show of 30 parameters of the arm, its base and tool, and of what stands
+    // around it: no turn of the tool, and by bearings and touches no size (one length held);
+    // by distances and touches no base, and nothing of how the first joint stands on it but
+    // what the fixed points and planes, which are in the world, bring in.
+    for (seen, settings) in [
+        (Seen::Bearing, Settings::new(24)),
+        (Seen::Distance, Settings::new(60)),
+        (Seen::Touch, Settings::new(40)),
+    ] {
+        let mut arm = surrounded(seen);
+        let settings = Settings {
+            pool: 600,
+            proposals: 8000,
+            ..settings
+        };
+        let chosen = planned(&mut arm, &settings);
+        let ours = chosen.observability.o1();
+        let mut random = Random::new(9, 0);
+        let mut others: Vec<f64> = (0..100)
+            .filter_map(|_| {
+                let q = draw(&mut arm, settings.poses, &mut random);
+                assess(&mut arm, &q).ok().map(|o| o.o1())
+            })
+            .collect();
+        others.sort_by(f64::total_cmp);
+        assert!(others.len() > 90, "{seen:?}: {}", others.len());
+        let (median, best) = (others[others.len() / 2], others[others.len() - 1]);
+        assert!(
+            ours > best,
+            "{seen:?}: {ours}, median {median}, best {best}"
+        );
+        assert!(ours <= chosen.o1_bound, "{seen:?}");
+        // as many readings as it says, all within the limits
+        for choice in &chosen.poses {
+            for (x, [low, high]) in choice.iter().zip(arm.limits()) {
+                assert!(low <= x && x <= high, "{seen:?} {choice:?}");
+            }
+        }
+        let table = arm.choice().table(&chosen.poses, &[7, 9], &[3, 4]);
+        let header = table.lines().next().unwrap();
+        let (ends, postures) = match seen {
+            Seen::Distance => ("q6,pair", 2),
+            Seen::Touch => ("q6,point,plane", 1),
+            _ => ("q6", 1),
+        };
+        assert!(header.ends_with(ends), "{header}");
+        assert_eq!(table.lines().count(), 1 + postures * settings.poses);
+    }
+}
+
+#[test]
+fn planned_touches_touch() {
+    let mut arm = surrounded(Seen::Touch);
+    let model = arm.arm().clone();
+    let drawn = draw(&mut arm, 60, &mut Random::new(4, 0));
+    let mut evaluator = Evaluator::new(&model, SIGMAS);
+    let mut touched = [0; 4];
+    for choice in &drawn {
+        let o = arm
+            .choice()
+            .observation(&model, &Observation::default(), choice);
+        let p = evaluator.observe(&o).translation;
+        for relation in &o.relations {
+            assert!(relation.error(&model, &p, None) < 1e-9, "{relation:?}");
+        }
+        touched[choice[6] as usize] += 1;
+        assert_eq!(arm.choice().of(&o).unwrap()[..6], choice[..6]);
+    }
+    assert!(touched.iter().all(|&n| n > 2), "{touched:?}");
+    // What is out of reach is refused.
+    let mut far = model;
+    far.points = vec![Vector3::new(5.0, 0.0, 0.0)];
+    far.planes.clear();
+    let robot = Cell::as_drawn(Arm::Puma560).robot();
+    let mut arm = MeasuredArm::new(far, Seen::Touch, SIGMAS, limits(&robot).unwrap());
+    let refused = plan(&mut arm, &Settings::new(40), &[], &mut |_| {}).unwrap_err();
+    assert_eq!(refused, Refused::OutOfReach);
 }
 
 #[test]

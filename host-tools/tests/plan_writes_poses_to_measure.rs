@@ -119,6 +119,77 @@ fn what_is_known_already_counts() {
 }
 
 #[test]
+fn pairs_and_touches_come_with_what_belongs_together() {
+    let folder = folder("plan-kinds");
+    let robot = robot(&folder);
+    let run = |more: &[&str]| {
+        let base = [
+            "plan",
+            "--robot",
+            "robot.toml",
+            "--out",
+            "POSES.csv",
+            "--json",
+            "p.json",
+        ];
+        let (status, out, err) = said(&truepose(&folder, &[&base[..], more].concat()));
+        assert_eq!(status, 0, "{out}{err}");
+        let read_to = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&read_to("p.json")).unwrap();
+        (read_to("POSES.csv"), json, out)
+    };
+    let (csv, json, _) = run(&["--poses", "60", "--measure", "distance"]);
+    assert_eq!(json["poses"], 60);
+    let pairs: Vec<&str> = csv
+        .lines()
+        .skip(1)
+        .filter_map(|l| l.split(',').nth(6))
+        .collect();
+    assert_eq!(pairs.len(), 60);
+    assert!(pairs.chunks(2).all(|pair| pair[0] == pair[1]), "{pairs:?}");
+    let touch = [
+        "--poses",
+        "40",
+        "--measure",
+        "touch",
+        "--point-mm",
+        "500,300,300",
+        "--point-mm",
+        "400,-400,500",
+        "--plane-mm",
+        "0,0,100,0,0.1,1",
+    ];
+    let (csv, _, _) = run(&touch);
+    assert!(csv.starts_with("q1,q2,q3,q4,q5,q6,point,plane\n"), "{csv}");
+    let one = |line: &str| {
+        line.split(',')
+            .skip(6)
+            .filter(|cell| !cell.is_empty())
+            .count()
+            == 1
+    };
+    assert!(csv.lines().skip(1).all(one), "{csv}");
+    let stations = [
+        "--poses",
+        "24",
+        "--measure",
+        "bearing",
+        "--station-mm",
+        "3000,500,400",
+        "--station-mm",
+        "500,3000,200",
+    ];
+    let (csv, json, out) = run(&stations);
+    assert_eq!(csv.lines().count(), 25);
+    assert!(out.contains("deg alone"), "{out}");
+    let names = json["parameters"].as_array().unwrap();
+    let station = |n: &&serde_json::Value| n.as_str().unwrap().starts_with("station 2");
+    assert_eq!(names.iter().filter(station).count(), 6);
+    let expected = Expected::of(&robot);
+    assert!(read(&folder.join("POSES.csv"), &expected, Purpose::Joints).is_ok());
+}
+
+#[test]
 fn what_cannot_be_planned_is_exit_status_2() {
     let folder = folder("plan-refused");
     let _ = robot(&folder);
@@ -132,6 +203,20 @@ fn what_cannot_be_planned_is_exit_status_2() {
             "--position-sigma-mm",
         ),
         (vec!["--poses", "30", "--data", "none.csv"], "none.csv"),
+        (
+            vec!["--poses", "30", "--measure", "bearing"],
+            "--station-mm",
+        ),
+        (vec!["--poses", "30", "--measure", "touch"], "--point-mm"),
+        (
+            vec!["--poses", "61", "--measure", "distance"],
+            "even number",
+        ),
+        (vec!["--poses", "30", "--point-mm", "1,2,3"], "touch"),
+        (
+            vec!["--poses", "30", "--measure", "touch", "--point-mm", "1,2"],
+            "3 numbers",
+        ),
     ] {
         let arguments: Vec<&str> = base.iter().copied().chain(more).collect();
         let (status, _, err) = said(&truepose(&folder, &arguments));

@@ -227,7 +227,7 @@ fn both_models_of_the_case_study_gain_more_than_an_order_of_magnitude() {
     let sigmas = Sigmas {
         position: 5e-5,
         orientation: 5.7e-4,
-        length: 1.0,
+        ..Sigmas::UNIT
     };
     for (seed, built) in BUILT.iter().enumerate() {
         let (built, nominal) = (built.robot(), NOMINAL.robot());

@@ -204,6 +204,153 @@ fn lengths_of_a_wire_are_compared_from_where_its_end_must_be() {
     );
 }
 
+/// Writes NEW.csv of `columns`, what `more` says of each commanded tool point and its number.
+fn new_table(
+    folder: &Path,
+    commands: &[[f64; 6]],
+    columns: &str,
+    mut more: impl FnMut(usize, Vector3<f64>) -> String,
+) {
+    let blob = write_blob(folder);
+    let model = blob.model::<f64, 6>().unwrap();
+    let mut csv = format!("q1,q2,q3,q4,q5,q6,{columns}\n");
+    for (row, q) in commands.iter().enumerate() {
+        let p = model.predict(q, &Conditions::default()).translation;
+        let cells: Vec<String> = q.iter().map(ToString::to_string).collect();
+        writeln!(csv, "{},{}", cells.join(","), more(row, p)).unwrap();
+    }
+    std::fs::write(folder.join("NEW.csv"), csv).unwrap();
+}
+
+#[test]
+fn distances_between_poses_are_compared_as_they_are() {
+    let folder = folder("verify-distance");
+    let mut first = Vector3::zeros();
+    new_table(&folder, &commands(80, 1), "pair,distance_mm", |row, p| {
+        if row % 2 == 0 {
+            first = p;
+            return format!("{},", row / 2);
+        }
+        // every second distance 0.02 mm too long, the others too short
+        let off = if row % 4 == 1 { 2e-5 } else { -2e-5 };
+        format!("{},{}", row / 2, ((p - first).norm() + off) * 1e3)
+    });
+    let (status, out, err) = said(&truepose(&folder, &VERIFY));
+    assert_eq!(status, 0, "{out}{err}");
+    let v = json(&folder);
+    assert_eq!(v["measured"], "distance");
+    assert_eq!((&v["rows"], &v["realigned"]), (&40.into(), &false.into()));
+    let after = v["error_mm"]["after"]["rms"].as_f64().unwrap();
+    assert!((after - 0.02).abs() < 1e-9, "{v}");
+    assert!(
+        v["error_mm"]["before"]["rms"].as_f64().unwrap() > 0.1,
+        "{v}"
+    );
+    // of two points, along one of three axes
+    let tool = v["tool_point_mm"]["after"].as_f64().unwrap();
+    assert!((tool - 0.02 * 1.5_f64.sqrt()).abs() < 1e-9, "{v}");
+    assert!(
+        out.contains("distance error") && out.contains("tool point"),
+        "{out}"
+    );
+}
+
+#[test]
+fn touches_are_compared_where_their_point_and_planes_must_be() {
+    let folder = folder("verify-touch");
+    // The tool point is where it is: a plane through every three rows and a fourth, off it.
+    let q = commands(1, 6);
+    new_table(&folder, &q, "point", |_, _| "4".to_owned());
+    let (status, out, err) = said(&truepose(&folder, &VERIFY));
+    assert_eq!(status, 0, "{out}{err}");
+    let v = json(&folder);
+    // six times the same command: the point is there, for either model
+    assert_eq!(v["measured"], "point");
+    assert!(
+        v["error_mm"]["after"]["max"].as_f64().unwrap() < 1e-9,
+        "{v}"
+    );
+    assert!(
+        v["error_mm"]["before"]["max"].as_f64().unwrap() < 1e-9,
+        "{v}"
+    );
+    assert_eq!(v["realigned"], true);
+    // One touch shows nothing of a point that is unknown.
+    new_table(&folder, &q[..1], "point", |_, _| "4".to_owned());
+    let (status, _, err) = said(&truepose(&folder, &VERIFY));
+    assert_eq!(status, 2);
+    assert!(
+        err.contains("1 rows with point 4") && err.contains("at least 2"),
+        "{err}"
+    );
+
+    // Four corners of a tetrahedron: half of a quarter of its height above and below the plane
+    // that fits them best, which no three of them lie in.
+    let q = commands(4, 1);
+    let mut corners = Vec::new();
+    new_table(&folder, &q, "plane", |_, p| {
+        corners.push(p);
+        "1".to_owned()
+    });
+    let (status, out, err) = said(&truepose(&folder, &VERIFY));
+    assert_eq!(status, 0, "{out}{err}");
+    let after = json(&folder)["error_mm"]["after"]["rms"].as_f64().unwrap();
+    let mean = corners.iter().sum::<Vector3<f64>>() / 4.0;
+    let spread: nalgebra::Matrix3<f64> = (corners.iter())
+        .map(|p| (p - mean) * (p - mean).transpose())
+        .sum();
+    // total least squares: the smallest eigenvalue is the sum of squared distances
+    let least = spread.symmetric_eigenvalues().min();
+    assert!((after - 1e3 * (least / 4.0).sqrt()).abs() < 1e-6, "{after}");
+}
+
+#[test]
+fn bearings_are_compared_in_degrees_and_across_the_sight() {
+    use truepose_host::identify::relation::bearing;
+    let folder = folder("verify-bearing");
+    let second = Pose::from_xyz_rpy(Vector3::new(2.0, 4.0, 0.3), Vector3::new(0.01, 0.0, -1.7));
+    let sight = |station: &Pose<f64>, p: &Vector3<f64>, off: f64| {
+        let [azimuth, elevation] = bearing(station, p);
+        let elevation = (elevation + off).to_degrees();
+        format!("{},{elevation}", azimuth.to_degrees())
+    };
+    let columns = "azimuth_deg,elevation_deg,azimuth2_deg,elevation2_deg";
+    // where the world's own station is, and where it stands when it was moved
+    let moved = Pose::from_xyz_rpy(Vector3::new(-3.0, 1.0, 0.2), Vector3::new(0.02, -0.01, 0.3));
+    for (first, arguments) in [(Pose::identity(), &[][..]), (moved, &["--realign"][..])] {
+        new_table(&folder, &commands(60, 1), columns, |row, p| {
+            let off = if row % 2 == 0 { 1e-5 } else { -1e-5 };
+            format!("{},{}", sight(&first, &p, off), sight(&second, &p, 0.0))
+        });
+        let all: Vec<&str> = VERIFY.iter().chain(arguments).copied().collect();
+        let (status, out, err) = said(&truepose(&folder, &all));
+        assert_eq!(status, 0, "{out}{err}");
+        let v = json(&folder);
+        assert_eq!(v["measured"], "bearing");
+        let of = |which: &str, unit: &str| v[unit][which]["rms"].as_f64().unwrap();
+        // half of the sights are 10 urad off; what is fitted takes a little of it
+        let theory = (1e-5_f64 / 2.0_f64.sqrt()).to_degrees();
+        let after = of("after", "error_deg");
+        assert!(
+            after > 0.8 * theory && after < 1.001 * theory,
+            "{after} {theory}"
+        );
+        assert!(of("after", "error_mm") < 0.05, "{v}");
+        assert!(
+            of("before", "error_mm") > 5.0 * of("after", "error_mm"),
+            "{v}"
+        );
+        assert!(
+            out.contains("deg") && out.contains("across the sight"),
+            "{out}"
+        );
+    }
+    // A moved instrument that is not asked for shows.
+    let (status, _, _) = said(&truepose(&folder, &VERIFY));
+    assert_eq!(status, 0);
+    assert!(json(&folder)["error_mm"]["after"]["rms"].as_f64().unwrap() > 100.0);
+}
+
 #[test]
 fn orientation_asked_of_positions_is_an_error() {
     let folder = folder("verify-no-orientation");

@@ -6,7 +6,7 @@ use clap::Args;
 use truepose_host::description::Robot;
 use truepose_host::diagnose::input::{self, Finding};
 use truepose_host::diagnose::{Diagnosis, diagnose};
-use truepose_host::error::{Error, Place};
+use truepose_host::error::Error;
 use truepose_host::identify::Failure;
 use truepose_host::identify::readings::identify_file;
 use truepose_host::measurement::{self, Dataset, Expected, Purpose};
@@ -62,13 +62,6 @@ pub(super) fn diagnosed(
     data: &Dataset,
 ) -> Result<(Diagnosis, Vec<Finding>), Error> {
     warn(&data.warnings);
-    if data.rows.iter().any(|row| row.relations.pair.is_some()) {
-        return Err(Place::file(file).column("pair").bad(
-            "distances between pairs of poses",
-            "one pose a row: what an effect does at two poses at once is not searched for",
-            "take identify, and name effects with --effect",
-        ));
-    }
     let explain = |failure: Failure| failure.explain(file);
     let identified = identify_file(robot, data, Vec::new()).map_err(explain)?;
     let findings = input::check(

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use nalgebra::Vector3;
 use serde_json::json;
 use truepose::Pose;
 use truepose::params::Blob;
@@ -10,8 +11,10 @@ use truepose_host::description::Robot;
 use truepose_host::diagnose::UNDECIDED;
 use truepose_host::error::Error;
 use truepose_host::identify::arm::ArmModel;
-use truepose_host::identify::observation::Sigmas;
+use truepose_host::identify::observation::{Observation, Sigmas};
 use truepose_host::identify::problem::ASSUMED;
+use truepose_host::identify::readings::identify_file;
+use truepose_host::identify::relation::Plane;
 use truepose_host::measurement::{self, Expected, Measured, Purpose};
 use truepose_host::observability::Observability;
 use truepose_host::output::Output;
@@ -67,6 +70,32 @@ pub(crate) struct Options {
         allow_hyphen_values = true
     )]
     anchor_mm: Option<Vec<f64>>,
+    /// A theodolite's station, mm in the robot base frame; again for each further one; for
+    /// bearings
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_delimiter = ',',
+        allow_hyphen_values = true
+    )]
+    station_mm: Vec<f64>,
+    /// A fixed point that is touched, mm in the robot base frame; again for each further one
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_delimiter = ',',
+        allow_hyphen_values = true
+    )]
+    point_mm: Vec<f64>,
+    /// A fixed plane that is touched: a point of it, mm in the robot base frame, and its
+    /// normal; again for each further one
+    #[arg(
+        long,
+        value_name = "X,Y,Z,NX,NY,NZ",
+        value_delimiter = ',',
+        allow_hyphen_values = true
+    )]
+    plane_mm: Vec<f64>,
     /// Another number, another plan of the same worth
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -80,6 +109,12 @@ enum Measure {
     Pose,
     /// The length of a wire from a fixed point to the tool point
     Length,
+    /// Bearings from theodolites
+    Bearing,
+    /// Distances between pairs of poses: a plan of pairs
+    Distance,
+    /// Fixed points and planes that the tool point touches
+    Touch,
 }
 
 pub(crate) fn files(options: &Options) -> Files<'_> {
@@ -114,49 +149,63 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     if let Some(table) = &table {
         warn(&table.warnings);
     }
-    let was = match table.as_ref().map(|table| table.measured) {
-        Some(Measured::Pose) => Some(Measure::Pose),
-        Some(Measured::Length) => Some(Measure::Length),
-        Some(Measured::Position | Measured::Nothing) => Some(Measure::Position),
-        None => None,
-        Some(Measured::Bearing | Measured::Distance | Measured::Point | Measured::Plane)
-            if options.measure.is_none() =>
-        {
-            return Err(Error::Usage(
-                "--data holds bearings, distances or touches, which plan does not choose poses \
-                 for; --measure says what the new poses will be measured by"
-                    .to_owned(),
-            ));
-        }
-        Some(_) => None,
-    };
+    let was = table.as_ref().map(|table| match table.measured {
+        Measured::Pose => Measure::Pose,
+        Measured::Length => Measure::Length,
+        Measured::Position | Measured::Nothing => Measure::Position,
+        Measured::Bearing => Measure::Bearing,
+        Measured::Distance => Measure::Distance,
+        Measured::Point | Measured::Plane => Measure::Touch,
+    });
     let measure = options.measure.or(was).unwrap_or(Measure::Position);
     let seen = match measure {
         Measure::Position => Seen::Position,
         Measure::Pose => Seen::Pose,
         Measure::Length => Seen::Length,
+        Measure::Bearing => Seen::Bearing,
+        Measure::Distance => Seen::Distance,
+        Measure::Touch => Seen::Touch,
     };
-    match (seen, options.anchor_mm.as_deref()) {
-        (Seen::Length, Some(&[x, y, z])) => arm.anchor = [x * 1e-3, y * 1e-3, z * 1e-3].into(),
-        (Seen::Length, _) => {
-            return Err(Error::Usage(
-                "lengths need --anchor-mm X,Y,Z: about where the wire's fixed end will be"
-                    .to_owned(),
-            ));
+    let mut labels = Labels::default();
+    let around = matches!(seen, Seen::Bearing | Seen::Distance | Seen::Touch);
+    let mut measured: Vec<Observation> = Vec::new();
+    match (&options.data, was) {
+        // What stands around the arm is where these rows say.
+        (Some(file), Some(was)) if around && was == measure => {
+            let fit = measurement::read(file, &Expected::of(&robot), Purpose::Fit)?;
+            let found =
+                identify_file(&robot, &fit, Vec::new()).map_err(|failure| failure.explain(file))?;
+            labels = Labels {
+                points: found.problem.points,
+                planes: found.problem.planes,
+            };
+            let known = found.calibration.complete.arm;
+            arm.bases = known.bases.iter().take(1).copied().collect();
+            (arm.points, arm.planes, arm.stations) = (known.points, known.planes, known.stations);
+            arm.bake();
+            measured = found.problem.identify;
+            measured.extend(found.problem.verify);
         }
-        (_, Some(_)) => {
-            return Err(Error::Usage(
-                "--anchor-mm is for --measure length".to_owned(),
-            ));
-        }
-        (_, None) => {}
+        _ => place(options, seen, &mut arm, &mut labels)?,
     }
     let noise = table.as_ref().map(|table| table.noise).unwrap_or_default();
     let sigmas = sigmas(options, noise)?;
     let mut measured_arm = MeasuredArm::new(arm, seen, sigmas, limits);
+    let choice = measured_arm.choice().clone();
     let before: Vec<Vec<f64>> = match &table {
+        Some(_) if around => measured.iter().filter_map(|o| choice.of(o)).collect(),
         Some(table) => table.rows.iter().map(|row| row.q.clone()).collect(),
         None => Vec::new(),
+    };
+    let wanted = match seen {
+        Seen::Distance if options.poses % 2 == 1 => {
+            return Err(Error::Usage(format!(
+                "--poses {}: distances are between pairs of poses; expected an even number",
+                options.poses
+            )));
+        }
+        Seen::Distance => options.poses / 2,
+        _ => options.poses,
     };
     let settings = Settings {
         criterion: if options.minimax {
@@ -165,7 +214,7 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
             Criterion::Determinant
         },
         seed: options.seed,
-        ..Settings::new(options.poses)
+        ..Settings::new(wanted)
     };
     let mut progress = Progress::new("choosing poses");
     let chosen = plan::plan(&mut measured_arm, &settings, &before, &mut |share| {
@@ -179,8 +228,8 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
         &measured_arm,
         &chosen,
         before.len(),
-        seen,
-        sigmas,
+        (seen, sigmas),
+        choice.table(&chosen.poses, &labels.points, &labels.planes),
     ))
 }
 
@@ -205,11 +254,15 @@ fn discriminating(options: &Options, robot: &Robot, limits: &[[f64; 2]]) -> Resu
         });
     };
     let out = &options.out.out;
+    let problem = &diagnosis.identified.problem;
+    let csv = decision
+        .choice
+        .table(&decision.poses, &problem.points, &problem.planes);
+    let planned = csv.lines().count() - 1;
     let mut text = format!(
-        "{}: {} poses chosen to tell {} pairs of explanations apart, written to {}, the most \
+        "{}: {planned} poses chosen to tell {} pairs of explanations apart, written to {}, the most \
          telling first\nexpected difference in BIC, by {} and with these poses:\n",
         robot.name,
-        decision.poses.len(),
         decision.disputes.len(),
         out.display(),
         file.display()
@@ -243,27 +296,94 @@ fn discriminating(options: &Options, robot: &Robot, limits: &[[f64; 2]]) -> Resu
         text,
         json: json!({
             "robot": robot.name,
-            "poses": decision.poses.len(),
+            "poses": planned,
             "disputes": disputes,
             "out": out,
         }),
         outputs: vec![Output {
             file: out.clone(),
-            bytes: table_of(&decision.poses, robot.joints.len()).into_bytes(),
+            bytes: csv.into_bytes(),
         }],
         answer: true,
     })
 }
 
-/// Joint values, rad or m, as CSV.
-fn table_of(poses: &[Vec<f64>], joints: usize) -> String {
-    let names: Vec<String> = (1..=joints).map(|j| format!("q{j}")).collect();
-    let mut csv = names.join(",") + "\n";
-    for q in poses {
-        let cells: Vec<String> = q.iter().map(|x| format!("{x:.9}")).collect();
-        csv += &(cells.join(",") + "\n");
+/// Numbers in the columns `point` and `plane`.
+#[derive(Default)]
+struct Labels {
+    points: Vec<i64>,
+    planes: Vec<i64>,
+}
+
+/// Puts what stands around the arm where the options say.
+fn place(
+    options: &Options,
+    seen: Seen,
+    arm: &mut ArmModel,
+    labels: &mut Labels,
+) -> Result<(), Error> {
+    let mm = |v: &[f64]| Vector3::new(v[0], v[1], v[2]) * 1e-3;
+    let all = |name: &str, given: &[f64], size: usize, kinds: &[Seen], of: &str| {
+        if !given.is_empty() && !kinds.contains(&seen) {
+            return Err(Error::Usage(format!("{name} is for --measure {of}")));
+        }
+        if given.len() % size != 0 || given.iter().any(|x| !x.is_finite()) {
+            return Err(Error::Usage(format!(
+                "{name}: expected {size} numbers each"
+            )));
+        }
+        Ok(())
+    };
+    let anchor = options.anchor_mm.as_deref().unwrap_or(&[]);
+    all("--anchor-mm", anchor, 3, &[Seen::Length], "length")?;
+    all(
+        "--station-mm",
+        &options.station_mm,
+        3,
+        &[Seen::Bearing],
+        "bearing",
+    )?;
+    all("--point-mm", &options.point_mm, 3, &[Seen::Touch], "touch")?;
+    all("--plane-mm", &options.plane_mm, 6, &[Seen::Touch], "touch")?;
+    let missing = |what: &str| Err(Error::Usage(what.to_owned()));
+    match seen {
+        Seen::Length if anchor.len() != 3 => {
+            return missing(
+                "lengths need --anchor-mm X,Y,Z: about where the wire's fixed end will be",
+            );
+        }
+        Seen::Bearing if options.station_mm.is_empty() => {
+            return missing(
+                "bearings need --station-mm X,Y,Z for every theodolite: about where it will stand",
+            );
+        }
+        Seen::Touch if options.point_mm.is_empty() && options.plane_mm.is_empty() => {
+            return missing(
+                "touches need --point-mm X,Y,Z or --plane-mm X,Y,Z,NX,NY,NZ: about where they \
+                 will be",
+            );
+        }
+        _ => {}
     }
-    csv
+    if !anchor.is_empty() {
+        arm.anchor = mm(anchor);
+    }
+    let stations = options.station_mm.chunks(3);
+    let at = |v: &[f64]| Pose::new(Pose::<f64>::identity().rotation, mm(v));
+    if !options.station_mm.is_empty() {
+        arm.stations = stations.map(at).collect();
+    }
+    arm.points = options.point_mm.chunks(3).map(mm).collect();
+    for v in options.plane_mm.chunks(6) {
+        let normal = Vector3::new(v[3], v[4], v[5]);
+        if normal.norm() <= 0.0 {
+            return missing("--plane-mm: a normal that is zero has no direction");
+        }
+        arm.planes.push(Plane::new(&mm(v), &normal));
+    }
+    labels.points = (1..).take(arm.points.len()).collect();
+    labels.planes = (1..).take(arm.planes.len()).collect();
+    Ok(())
 }
 
 /// The arm as far as it is known, its base in the world frame's origin.
@@ -317,6 +437,9 @@ fn sigmas(options: &Options, noise: measurement::Noise) -> Result<Sigmas, Error>
             .or(noise.orientation)
             .unwrap_or(ASSUMED.orientation),
         length: position.or(noise.length).unwrap_or(ASSUMED.length),
+        distance: position.or(noise.distance).unwrap_or(ASSUMED.distance),
+        contact: position.or(noise.contact).unwrap_or(ASSUMED.contact),
+        bearing: noise.bearing.unwrap_or(ASSUMED.bearing),
     })
 }
 
@@ -326,30 +449,37 @@ fn outcome(
     arm: &MeasuredArm,
     chosen: &Plan,
     before: usize,
-    seen: Seen,
-    sigmas: Sigmas,
+    (seen, sigmas): (Seen, Sigmas),
+    csv: String,
 ) -> Outcome {
     let out = &options.out.out;
-    let csv = table_of(&chosen.poses, robot.joints.len());
     let noise = match seen {
         Seen::Length => sigmas.length,
-        _ => sigmas.position,
+        Seen::Distance => sigmas.distance,
+        Seen::Touch => sigmas.contact,
+        Seen::Bearing => sigmas.bearing,
+        Seen::Position | Seen::Pose => sigmas.position,
     };
+    let noise = match seen {
+        Seen::Bearing => format!("{} deg", three_digits(noise.to_degrees())),
+        _ => format!("{} mm", three_digits(noise * 1e3)),
+    };
+    let each = if seen == Seen::Distance { 2 } else { 1 };
+    let planned = each * chosen.poses.len();
     let o = &chosen.observability;
     let mut text = format!(
-        "{}: {} poses chosen for {} parameters, written to {}, the most telling first\n",
+        "{}: {planned} poses chosen for {} parameters, written to {}, the most telling first\n",
         robot.name,
-        chosen.poses.len(),
         arm.parameters(),
         out.display(),
     );
     if before > 0 {
+        let before = each * before;
         text += &format!("{before} poses measured already count with them\n");
     }
     text += &format!(
-        "O1 {:.4e}; no {} poses within the limits can have more than {:.4e}",
+        "O1 {:.4e}; no {planned} poses within the limits can have more than {:.4e}",
         o.o1(),
-        chosen.poses.len(),
         chosen.o1_bound
     );
     if let Some(random) = &chosen.random {
@@ -361,25 +491,24 @@ fn outcome(
         chosen.of_unit_columns.cond_j()
     );
     text += &format!(
-        "predicted tool point after the fit, by the instrument's noise of {} mm alone:\n  \
+        "predicted tool point after the fit, by the instrument's noise of {noise} alone:\n  \
          poses      rms      max over the workspace\n",
-        three_digits(noise * 1e3)
     );
     for forecast in &chosen.forecast {
         let [rms, max] = [forecast.rms, forecast.max].map(|x| three_digits(x * 1e3));
-        text += &format!("  {:>5} {rms:>8} {max:>8} mm\n", forecast.poses);
+        text += &format!("  {:>5} {rms:>8} {max:>8} mm\n", each * forecast.poses);
     }
     let forecast: Vec<_> = chosen
         .forecast
         .iter()
-        .map(|f| json!({ "poses": f.poses, "rms_mm": f.rms * 1e3, "max_mm": f.max * 1e3 }))
+        .map(|f| json!({ "poses": each * f.poses, "rms_mm": f.rms * 1e3, "max_mm": f.max * 1e3 }))
         .collect();
     Outcome {
         text,
         json: json!({
             "robot": robot.name,
-            "poses": chosen.poses.len(),
-            "measured_before": before,
+            "poses": planned,
+            "measured_before": each * before,
             "parameters": arm.names(),
             "o1": o.o1(), "o2": o.o2(), "o3": o.o3(), "o4": o.o4(), "o5": o.o5(),
             "cond_j": o.cond_j(),

@@ -25,7 +25,7 @@ pub(crate) struct Options {
     /// Largest error of any row that is accepted, mm; above it the exit status is 1
     #[arg(long, value_name = "MM", value_parser = positive)]
     accept_mm: Option<f64>,
-    /// Likewise of the orientation, deg
+    /// Likewise of the orientation or the bearing, deg
     #[arg(long, value_name = "DEG", value_parser = positive)]
     accept_deg: Option<f64>,
 }
@@ -51,9 +51,11 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     let table = measurement::read(data, &Expected::of_blob(&blob), Purpose::Check)?;
     warn(&table.warnings);
     warn(&missing_conditions(&blob, &table));
-    if options.accept_deg.is_some() && table.measured != Measured::Pose {
+    if options.accept_deg.is_some() && !matches!(table.measured, Measured::Pose | Measured::Bearing)
+    {
         return Err(Error::Usage(format!(
-            "--accept-deg: {} has no orientations; measure full poses or leave the option out",
+            "--accept-deg: {} has no orientations or bearings; measure full poses or leave the \
+             option out",
             data.display()
         )));
     }
@@ -73,7 +75,8 @@ fn accepted(verified: &Verified, options: &Options) -> Option<bool> {
     let position = options
         .accept_mm
         .map(|mm| verified.after.position.max * 1e3 <= mm);
-    let orientation = match (options.accept_deg, verified.after.orientation) {
+    let angles = verified.after.orientation.or(verified.after.bearing);
+    let orientation = match (options.accept_deg, angles) {
         (Some(deg), Some(angles)) => Some(angles.max.to_degrees() <= deg),
         _ => None,
     };
@@ -119,7 +122,10 @@ pub(super) fn text(
 pub(crate) fn comparison(verified: &Verified) -> String {
     let of = match verified.measured {
         Measured::Length => "length error",
-        _ => "position error",
+        Measured::Distance => "distance error",
+        Measured::Point | Measured::Plane => "touch error",
+        Measured::Bearing => "error across the sight",
+        Measured::Position | Measured::Pose | Measured::Nothing => "position error",
     };
     let mut text = format!("{of:<22}      rms     mean      max\n");
     let mut line = |name: &str, s: &Statistics, scale: f64, unit: &str| {
@@ -132,6 +138,18 @@ pub(crate) fn comparison(verified: &Verified) -> String {
         let degrees = 1.0_f64.to_degrees();
         line("before, orientation", &before, degrees, "deg");
         line("after, orientation", &after, degrees, "deg");
+    }
+    if let (Some(before), Some(after)) = (verified.before.bearing, verified.after.bearing) {
+        let degrees = 1.0_f64.to_degrees();
+        line("before, bearing", &before, degrees, "deg");
+        line("after, bearing", &after, degrees, "deg");
+    }
+    if let (Some(before), Some(after)) = (verified.before.tool_point, verified.after.tool_point) {
+        let [before, after] = [before, after].map(|x| three_digits(x * 1e3));
+        text += &format!(
+            "tool point, if no direction errs more than another: {before} mm rms before, \
+             {after} mm after\n"
+        );
     }
     text
 }
@@ -181,7 +199,11 @@ fn json(robot: &str, verified: &Verified, accepted: Option<bool>) -> Value {
         "measured": match verified.measured {
             Measured::Pose => "pose",
             Measured::Length => "length",
-            _ => "position",
+            Measured::Distance => "distance",
+            Measured::Point => "point",
+            Measured::Plane => "plane",
+            Measured::Bearing => "bearing",
+            Measured::Position | Measured::Nothing => "position",
         },
         "rows": verified.rows,
         "realigned": verified.realigned,
@@ -194,6 +216,13 @@ fn json(robot: &str, verified: &Verified, accepted: Option<bool>) -> Value {
     if let (Some(before), Some(after)) = (verified.before.orientation, verified.after.orientation) {
         value["error_deg"] =
             json!({ "before": of(&before, degrees), "after": of(&after, degrees) });
+    }
+    if let (Some(before), Some(after)) = (verified.before.bearing, verified.after.bearing) {
+        value["error_deg"] =
+            json!({ "before": of(&before, degrees), "after": of(&after, degrees) });
+    }
+    if let (Some(before), Some(after)) = (verified.before.tool_point, verified.after.tool_point) {
+        value["tool_point_mm"] = json!({ "before": before * 1e3, "after": after * 1e3 });
     }
     if let Some(iso) = &verified.iso9283 {
         let poses: Vec<Value> = iso

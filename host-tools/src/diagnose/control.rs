@@ -10,6 +10,7 @@ use super::model::Extended;
 use super::search::Search;
 use super::space::{Columns, columns};
 use crate::identify::evaluator::Evaluator;
+use crate::identify::observation::Observation;
 use crate::random::Random;
 
 /// Shuffles.
@@ -86,25 +87,28 @@ pub fn control(search: &Search<'_>, model: &Extended, index: usize) -> Option<Co
 fn shuffled(search: &Search<'_>, model: &Extended, own: &Hypothesis, cards: &[usize]) -> Columns {
     let observations = &search.observations;
     let mut evaluator = Evaluator::new(&model.arm, search.sigmas);
-    // where each value acts, and what it does there in each row
+    // where each value acts, and what it does there at each posture of each row
     let mut places: Vec<Option<usize>> = Vec::new();
-    let mut local: Vec<Vec<Twist<f64>>> = Vec::new();
+    let mut local: Vec<Vec<Vec<Twist<f64>>>> = Vec::new();
     if let Members::Effects(effects) = &own.members {
         for o in observations {
-            evaluator.observe(o);
-            let mut twists = Vec::new();
-            places.clear();
-            for effect in effects {
-                let place = effect.model().joint();
-                evaluator.effect_twists(o, effect, |_, twist| {
-                    twists.push(twist);
-                    places.push(place);
-                });
-            }
-            for (twist, &place) in twists.iter_mut().zip(&places) {
-                *twist = evaluator.to_place(o, place, twist);
-            }
-            local.push(twists);
+            let mut every = Vec::new();
+            evaluator.each_posture(o, |evaluator, posture| {
+                let mut twists = Vec::new();
+                places.clear();
+                for effect in effects {
+                    let place = effect.model().joint();
+                    evaluator.effect_twists(posture.at, effect, |_, twist| {
+                        twists.push(twist);
+                        places.push(place);
+                    });
+                }
+                for (twist, &place) in twists.iter_mut().zip(&places) {
+                    *twist = evaluator.to_place(posture.at, place, twist);
+                }
+                every.push(twists);
+            });
+            local.push(every);
         }
     }
     let early = matches!(own.members, Members::EarlyReading);
@@ -114,19 +118,25 @@ fn shuffled(search: &Search<'_>, model: &Extended, own: &Hypothesis, cards: &[us
     let mut start = 0;
     for (o, &card) in observations.iter().zip(cards) {
         let end = start + o.equations();
-        evaluator.observe(o);
-        for k in 0..width {
-            let twist = if early {
-                let travel = observations[card].travel.iter().enumerate();
-                travel.fold(Twist::zero(), |sum, (j, &d)| {
-                    sum.plus(&evaluator.joint_twist(j).scaled(d))
-                })
-            } else {
-                evaluator.from_place(o, places[k], &local[card][k])
-            };
-            let cells = &mut matrix.as_mut_slice()[k * rows + start..k * rows + end];
-            evaluator.spread(o, &twist, cells);
-        }
+        let dealt: Vec<&Observation> = observations[card].postures().collect();
+        let mut number = 0;
+        evaluator.each_posture(o, |evaluator, posture| {
+            // a row of fewer postures deals its own to the further ones
+            let from = if number < dealt.len() { number } else { 0 };
+            for k in 0..width {
+                let twist = if early {
+                    let travel = dealt[from].travel.iter().enumerate();
+                    travel.fold(Twist::zero(), |sum, (j, &d)| {
+                        sum.plus(&evaluator.joint_twist(j).scaled(d))
+                    })
+                } else {
+                    evaluator.from_place(posture.at, places[k], &local[card][from][k])
+                };
+                let cells = &mut matrix.as_mut_slice()[k * rows + start..k * rows + end];
+                posture.spread(evaluator, &twist, cells);
+            }
+            number += 1;
+        });
         start = end;
     }
     // a value of any size: the scale of what shows is the columns' own

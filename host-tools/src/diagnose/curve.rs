@@ -75,14 +75,15 @@ pub fn columns(
     let mut start = 0;
     for o in observations {
         let n = o.equations();
-        evaluator.observe(o);
-        let mut column = vec![0.0; n];
-        evaluator.spread(o, &evaluator.joint_twist(joint), &mut column);
-        for (cell, weight) in curve.cells(o.q[joint]) {
-            for (row, x) in column.iter().enumerate() {
-                matrix[(start + row, cell)] += weight * x;
+        evaluator.each_posture(o, |evaluator, posture| {
+            let mut column = vec![0.0; n];
+            posture.spread(evaluator, &evaluator.joint_twist(joint), &mut column);
+            for (cell, weight) in curve.cells(posture.at.q[joint]) {
+                for (row, x) in column.iter().enumerate() {
+                    matrix[(start + row, cell)] += weight * x;
+                }
             }
-        }
+        });
         start += n;
     }
     matrix
@@ -114,34 +115,36 @@ pub fn step(
         head += &transposed * &linear.residual;
         let mut evaluator = Evaluator::new(arm, sigmas);
         let mut start = 0;
-        let mut joint_columns = vec![Vec::new(); curves];
         for o in block {
             let n = o.equations();
-            evaluator.observe(o);
-            for (column, curve) in joint_columns.iter_mut().zip(&arm.curves) {
-                column.resize(n, 0.0);
-                evaluator.spread(o, &evaluator.joint_twist(curve.joint), column);
-            }
+            // one a curve and posture: the curve, its cells, the joint's column
+            let mut joint_columns: Vec<(usize, [(usize, f64); 2], Vec<f64>)> = Vec::new();
+            evaluator.each_posture(o, |evaluator, posture| {
+                for (c, curve) in arm.curves.iter().enumerate() {
+                    let mut column = vec![0.0; n];
+                    posture.spread(evaluator, &evaluator.joint_twist(curve.joint), &mut column);
+                    let cells = curve.cells(posture.at.q[curve.joint]);
+                    joint_columns.push((c, cells, column));
+                }
+            });
             let residual = &linear.residual.as_slice()[start..start + n];
-            for (c, curve) in arm.curves.iter().enumerate() {
-                let own = &joint_columns[c];
+            for (c, cells, own) in &joint_columns {
                 let dot =
                     |other: &[f64]| -> f64 { own.iter().zip(other).map(|(a, b)| a * b).sum() };
-                let cells = curve.cells(o.q[curve.joint]);
-                for (cell, weight) in cells {
+                for &(cell, weight) in cells {
                     right[p + c * CELLS + cell] += weight * dot(residual);
                 }
                 for k in 0..p {
                     let column = &linear.jacobian.as_slice()[k * rows + start..][..n];
                     let product = dot(column);
-                    for (cell, weight) in cells {
+                    for &(cell, weight) in cells {
                         normal[(p + c * CELLS + cell, k)] += weight * product;
                     }
                 }
-                for (d, other) in arm.curves.iter().enumerate().take(c + 1) {
-                    let product = dot(&joint_columns[d]);
-                    for (cell, weight) in cells {
-                        for (there, weight_there) in other.cells(o.q[other.joint]) {
+                for (d, other_cells, other) in joint_columns.iter().filter(|(d, ..)| d <= c) {
+                    let product = dot(other);
+                    for &(cell, weight) in cells {
+                        for &(there, weight_there) in other_cells {
                             normal[(p + c * CELLS + cell, p + d * CELLS + there)] +=
                                 weight * weight_there * product;
                         }
@@ -188,7 +191,7 @@ pub fn step(
 /// Cells far from every reading carry nothing but the prior: they are marked as not measured.
 fn forget_unmeasured(curve: &mut Curve, observations: &[&Observation]) {
     let mut near = vec![false; CELLS];
-    for o in observations {
+    for o in observations.iter().flat_map(|o| o.postures()) {
         for (cell, _) in curve.cells(o.q[curve.joint]) {
             for offset in 0..=2 * REACH {
                 near[(cell + CELLS + offset - REACH) % CELLS] = true;

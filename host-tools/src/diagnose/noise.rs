@@ -1,8 +1,8 @@
-//! How large the residual is, apart for positions, orientations and lengths.
+//! How large the residual is, each kind of measured number apart.
 
 use crate::identify::arm::ArmModel;
 use crate::identify::linearize::residuals;
-use crate::identify::observation::{Observation, Sigmas};
+use crate::identify::observation::{Kind, Observation, Sigmas};
 
 /// Standard deviations per axis that the residual of a fit with `fitted` unknowns has, m and
 /// rad: each kind of measurement loses its share of the degrees of freedom. What is not
@@ -14,37 +14,22 @@ pub fn estimated(
     fitted: usize,
 ) -> Sigmas {
     let all = residuals(arm, observations, declared);
-    let (mut squares, mut counts) = ([0.0; 3], [0.0_f64; 3]);
+    let mut sums = Kind::ALL.map(|kind| (kind, 0.0, 0.0));
     let mut start = 0;
-    for o in observations {
-        let mut take = |kind: usize, n: usize| {
-            squares[kind] += all.rows(start, n).norm_squared();
-            counts[kind] += n as f64;
-            start += n;
-        };
-        if o.position.is_some() {
-            take(0, 3);
+    for (kind, n) in observations.iter().flat_map(|o| o.kinds()) {
+        for (_, square, count) in sums.iter_mut().filter(|(k, ..)| *k == kind) {
+            *square += all.rows(start, n).norm_squared();
+            *count += n as f64;
         }
-        if o.rotation.is_some() {
-            take(1, 3);
-        }
-        take(0, 3 * o.targets.iter().flatten().count());
-        if o.length.is_some() {
-            take(2, 1);
-        }
+        start += n;
     }
-    let total: f64 = counts.iter().sum();
+    let total: f64 = sums.iter().map(|(_, _, count)| count).sum();
     let left = (1.0 - fitted as f64 / total.max(1.0)).max(0.05);
-    let factor = |kind: usize| {
-        if counts[kind] > 0.0 {
-            (squares[kind] / (counts[kind] * left)).sqrt().max(1e-9)
-        } else {
-            1.0
-        }
+    let factor = |kind: Kind| {
+        let of_kind = sums.iter().find(|(k, _, count)| *k == kind && *count > 0.0);
+        of_kind.map_or(1.0, |(_, square, count)| {
+            (square / (count * left)).sqrt().max(1e-9)
+        })
     };
-    Sigmas {
-        position: declared.position * factor(0),
-        orientation: declared.orientation * factor(1),
-        length: declared.length * factor(2),
-    }
+    Sigmas::per_kind(|kind| declared.of(kind) * factor(kind))
 }

@@ -5,7 +5,7 @@ use truepose::effects::{Effect, Place, Selector};
 
 use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
-use super::space::{Moving, Space};
+use super::space::{Moving, Space, postures};
 use crate::identify::observation::{Observation, Sigmas};
 
 /// Highest order looked for, periods a joint turn.
@@ -41,9 +41,14 @@ pub fn periodogram(
     j: usize,
 ) -> Vec<Line> {
     let place = Place::Joint(u8::try_from(j).unwrap_or(u8::MAX));
-    let Moving { along, rows } = Moving::new(&model.arm, place, space, observations, sigmas);
+    let moving = Moving::new(&model.arm, place, space, observations, sigmas);
+    let Moving {
+        along,
+        rows,
+        shared,
+    } = moving;
     let p = along.nrows();
-    let readings: Vec<f64> = observations.iter().map(|o| o.q[j]).collect();
+    let readings: Vec<f64> = postures(observations).iter().map(|o| o.q[j]).collect();
     let low = readings.iter().copied().fold(f64::INFINITY, f64::min);
     let high = readings.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let width = std::f64::consts::TAU / (high - low).max(0.1);
@@ -78,6 +83,14 @@ pub fn periodogram(
                 *y += v * c;
             }
             *t = [s * dc + c * ds, c * dc - s * ds, ds, dc];
+        }
+        for &(i, k, product) in &shared {
+            // both have been turned on to the next order: turn back
+            let back = |[s, c, ds, dc]: [f64; 4]| [s * dc - c * ds, c * dc + s * ds];
+            let ([s, c], [t, d]) = (back(turning[i]), back(turning[k]));
+            ss += 2.0 * product * s * t;
+            sc += product * (s * d + c * t);
+            cc += 2.0 * product * c * d;
         }
         let dot = |x: &[f64], y: &[f64]| -> f64 { x.iter().zip(y).map(|(p, q)| p * q).sum() };
         let (aa, ab, bb) = (ss - dot(&a, &a), sc - dot(&a, &b), cc - dot(&b, &b));

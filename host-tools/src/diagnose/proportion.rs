@@ -97,33 +97,35 @@ fn trial(
     let mut start = 0;
     for o in observations {
         let end = start + o.equations();
-        evaluator.observe(o);
-        let mut whole = Twist::zero();
-        evaluator.effect_twists(o, effect, |k, twist| {
-            whole = whole.plus(&twist.scaled(values[k]));
+        evaluator.each_posture(o, |evaluator, posture| {
+            let at = posture.at;
+            let mut whole = Twist::zero();
+            evaluator.effect_twists(at, effect, |k, twist| {
+                whole = whole.plus(&twist.scaled(values[k]));
+            });
+            let own = size(&evaluator.to_place(at, joint, &whole));
+            let mut load = 0.0;
+            if let Some(torque) = &torque {
+                evaluator.effect_twists(at, torque, |_, twist| load = size(&twist));
+                let unit = joint.map_or(0.0, |j| size(&evaluator.joint_twist(j)));
+                load = if unit > 0.0 { load / unit } else { 0.0 };
+            }
+            let known = |x: f64| if x.is_finite() { x } else { 0.0 };
+            let factors = [
+                own,
+                own * own,
+                if own > 0.0 { own.recip() } else { 0.0 },
+                load,
+                load.sqrt(),
+                at.ambient.payload,
+                known(at.ambient.time),
+                known(at.ambient.temperature[0]),
+            ];
+            for (k, factor) in factors.into_iter().enumerate() {
+                let cells = &mut matrix.as_mut_slice()[k * rows + start..k * rows + end];
+                posture.spread(evaluator, &whole.scaled(factor), cells);
+            }
         });
-        let own = size(&evaluator.to_place(o, joint, &whole));
-        let mut load = 0.0;
-        if let Some(torque) = &torque {
-            evaluator.effect_twists(o, torque, |_, twist| load = size(&twist));
-            let unit = joint.map_or(0.0, |j| size(&evaluator.joint_twist(j)));
-            load = if unit > 0.0 { load / unit } else { 0.0 };
-        }
-        let known = |x: f64| if x.is_finite() { x } else { 0.0 };
-        let factors = [
-            own,
-            own * own,
-            if own > 0.0 { own.recip() } else { 0.0 },
-            load,
-            load.sqrt(),
-            o.ambient.payload,
-            known(o.ambient.time),
-            known(o.ambient.temperature[0]),
-        ];
-        for (k, factor) in factors.into_iter().enumerate() {
-            let cells = &mut matrix.as_mut_slice()[k * rows + start..k * rows + end];
-            evaluator.spread(o, &whole.scaled(factor), cells);
-        }
         start = end;
     }
     matrix

@@ -176,12 +176,19 @@ pub(super) fn reduction(gram: DMatrix<f64>, z: &DVector<f64>) -> (f64, f64) {
 }
 
 /// What any function of the row times one motion of the arm could do: all that is needed of
-/// each row.
+/// each row. A row that depends on several postures counts as one a posture here.
 pub struct Moving {
     /// Coordinates of the motion's column in the fitted space, fitted unknowns x rows.
     pub(super) along: DMatrix<f64>,
     /// Squared length of the column, product with the residual, squared motion of the tool.
     pub(super) rows: DMatrix<f64>,
+    /// Two postures of one row, and the product of their columns.
+    pub(super) shared: Vec<(usize, usize, f64)>,
+}
+
+/// Every posture of every row: what a function of the row is evaluated at.
+pub(super) fn postures<'o>(observations: &[&'o Observation]) -> Vec<&'o Observation> {
+    observations.iter().flat_map(|o| o.postures()).collect()
 }
 
 impl Moving {
@@ -196,32 +203,48 @@ impl Moving {
         let mut unit = Effect::Unnamed(Unnamed::new(place, [ONE; 2], [[0.0; 3]; 2]));
         arm.attach(&mut unit);
         let p = space.basis.ncols();
-        let mut along = DMatrix::zeros(p, observations.len());
-        let mut rows = DMatrix::zeros(observations.len(), 3);
+        let count: usize = observations.iter().map(|o| o.postures().count()).sum();
+        let mut along = DMatrix::zeros(p, count);
+        let mut rows = DMatrix::zeros(count, 3);
+        let mut shared = Vec::new();
         let mut evaluator = Evaluator::new(arm, sigmas);
-        let mut start = 0;
-        for (i, o) in observations.iter().enumerate() {
+        let (mut i, mut start) = (0, 0);
+        for o in observations {
             let count = o.equations();
-            evaluator.observe(o);
-            let mut twist = Twist::zero();
-            evaluator.effect_twists(o, &unit, |_, found| twist = found);
-            let mut column = vec![0.0; count];
-            evaluator.spread(o, &twist, &mut column);
-            for (row, x) in column.iter().enumerate() {
-                rows[(i, 0)] += x * x;
-                rows[(i, 1)] += x * space.residual[start + row];
-            }
-            rows[(i, 2)] = twist.linear.norm_squared();
-            for k in 0..p {
-                let basis = &space.basis.as_slice()[k * space.basis.nrows() + start..][..count];
-                along[(k, i)] = basis.iter().zip(&column).map(|(a, b)| a * b).sum();
-            }
+            let first = i;
+            let mut own = Vec::new();
+            evaluator.each_posture(o, |evaluator, posture| {
+                let mut twist = Twist::zero();
+                evaluator.effect_twists(posture.at, &unit, |_, found| twist = found);
+                let mut column = vec![0.0; count];
+                posture.spread(evaluator, &twist, &mut column);
+                for (row, x) in column.iter().enumerate() {
+                    rows[(i, 0)] += x * x;
+                    rows[(i, 1)] += x * space.residual[start + row];
+                }
+                rows[(i, 2)] = twist.linear.norm_squared();
+                for k in 0..p {
+                    let basis = &space.basis.as_slice()[k * space.basis.nrows() + start..][..count];
+                    along[(k, i)] = basis.iter().zip(&column).map(|(a, b)| a * b).sum();
+                }
+                if i == first {
+                    own = column;
+                } else {
+                    let product = own.iter().zip(&column).map(|(a, b)| a * b).sum();
+                    shared.push((first, i, product));
+                }
+                i += 1;
+            });
             start += count;
         }
-        Self { along, rows }
+        Self {
+            along,
+            rows,
+            shared,
+        }
     }
 
-    /// By how much each function (a column of `values`, one entry a row) would reduce the
+    /// By how much each function (a column of `values`, one entry a posture) would reduce the
     /// squared residual; zero where no plausible amplitude of it would show.
     pub fn reductions(&self, values: &DMatrix<f64>) -> Vec<f64> {
         let squares = values.map(|v| v * v);
@@ -231,7 +254,11 @@ impl Moving {
         let n = values.nrows().max(1) as f64;
         (0..values.ncols())
             .map(|k| {
-                let left = lengths[(k, 0)] - along.column(k).norm_squared();
+                let both = |&(a, b, product): &(usize, usize, f64)| {
+                    2.0 * product * values[(a, k)] * values[(b, k)]
+                };
+                let length = lengths[(k, 0)] + self.shared.iter().map(both).sum::<f64>();
+                let left = length - along.column(k).norm_squared();
                 let moved = lengths[(k, 2)] / n;
                 // what is left of a column that moves the tool by a plausible amount
                 if moved > 1e-24 && left * PLAUSIBLE * PLAUSIBLE / moved > SHOWS * SHOWS {
@@ -265,43 +292,42 @@ pub fn columns(
     let mut start = 0;
     for o in observations {
         let end = start + o.equations();
-        evaluator.observe(o);
-        let mut column = 0;
-        for hypothesis in hypotheses {
-            match &hypothesis.members {
-                Members::Curve(_) => {
-                    let joint = hypothesis.joint.unwrap_or(0);
-                    let twist = evaluator.joint_twist(joint);
-                    for (cell, weight) in curve::coarse(joint).cells(o.q[joint]) {
-                        let cells = &mut matrix.as_mut_slice()
-                            [(column + cell) * rows + start..(column + cell) * rows + end];
-                        evaluator.spread(o, &twist.scaled(weight * curve::VALUE), cells);
-                    }
-                    column += curve::COARSE;
-                }
-                Members::EarlyReading => {
-                    let twist = evaluator.early_twist(o);
-                    let cells =
-                        &mut matrix.as_mut_slice()[column * rows + start..column * rows + end];
-                    evaluator.spread(o, &twist, cells);
+        evaluator.each_posture(o, |evaluator, posture| {
+            let at = posture.at;
+            let mut column = 0;
+            for hypothesis in hypotheses {
+                let mut spread = |evaluator: &Evaluator<'_>, column: usize, twist: &Twist<f64>| {
+                    let cells = column * rows + start..column * rows + end;
+                    posture.spread(evaluator, twist, &mut matrix.as_mut_slice()[cells]);
                     squares[column] += twist.linear.norm_squared();
-                    column += 1;
-                }
-                Members::Effects(effects) => {
-                    for effect in effects {
-                        let mut twists = Vec::with_capacity(4);
-                        evaluator.effect_twists(o, effect, |_, twist| twists.push(twist));
-                        for twist in twists {
-                            let cells = &mut matrix.as_mut_slice()
-                                [column * rows + start..column * rows + end];
-                            evaluator.spread(o, &twist, cells);
-                            squares[column] += twist.linear.norm_squared();
-                            column += 1;
+                };
+                match &hypothesis.members {
+                    Members::Curve(_) => {
+                        let joint = hypothesis.joint.unwrap_or(0);
+                        let twist = evaluator.joint_twist(joint);
+                        for (cell, weight) in curve::coarse(joint).cells(at.q[joint]) {
+                            let twist = twist.scaled(weight * curve::VALUE);
+                            spread(evaluator, column + cell, &twist);
+                        }
+                        column += curve::COARSE;
+                    }
+                    Members::EarlyReading => {
+                        spread(evaluator, column, &evaluator.early_twist(at));
+                        column += 1;
+                    }
+                    Members::Effects(effects) => {
+                        for effect in effects {
+                            let mut twists = Vec::with_capacity(4);
+                            evaluator.effect_twists(at, effect, |_, twist| twists.push(twist));
+                            for twist in twists {
+                                spread(evaluator, column, &twist);
+                                column += 1;
+                            }
                         }
                     }
                 }
             }
-        }
+        });
         start = end;
     }
     for (hypothesis, &(start, len)) in hypotheses.iter().zip(&groups) {

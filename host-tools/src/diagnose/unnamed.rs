@@ -10,7 +10,7 @@ use truepose::effects::{Effect, Factor, ONE, Place, Reading, Shape, Unnamed, Var
 
 use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
-use super::space::{Moving, Space};
+use super::space::{Moving, Space, postures};
 use crate::identify::observation::{Observation, Sigmas};
 
 /// Share of the error probability that terms without a name have, of all kinds together.
@@ -253,6 +253,8 @@ pub fn offered(
             moving: Moving::new(&model.arm, place, space, observations, sigmas),
         })
         .collect();
+    let postures = postures(observations);
+    let observations = postures.as_slice();
     let mut best: Vec<(f64, Hypothesis)> = Vec::new();
     let known = terms(&model.accepted);
     let first = dictionary(joints, observations);

@@ -94,9 +94,19 @@ pub fn first_guess(
         arm.tool.rotation = r;
     }
     guess_targets(arm, observations, &flanges);
-    guess_anchor(arm, observations, &flanges);
-    guess_surroundings(arm, observations, &flanges);
+    guess_around(arm, observations, &flanges);
     arm.bake();
+}
+
+/// Sets the anchor, points, planes and further stations of `arm` to first guesses, the last
+/// link being at `flanges` in its base.
+pub(crate) fn guess_around(
+    arm: &mut ArmModel,
+    observations: &[&Observation],
+    flanges: &[Pose<f64>],
+) {
+    guess_anchor(arm, observations, flanges);
+    guess_surroundings(arm, observations, flanges);
 }
 
 /// Pose of the robot base of `session` seen from a station, by its bearings alone.
@@ -110,17 +120,9 @@ fn seen_from(
     let (mut points, mut directions) = (Vec::new(), Vec::new());
     for (o, flange) in observations.iter().zip(flanges) {
         for relation in o.relations.iter().filter(|_| o.session == session) {
-            if let Relation::Bearing {
-                station: s,
-                azimuth,
-                elevation,
-                ..
-            } = *relation
-                && s == station
-            {
-                let ((sa, ca), (se, ce)) = (azimuth.sin_cos(), elevation.sin_cos());
+            if let Some(direction) = relation.sight(station) {
                 points.push(flange.point(tool));
-                directions.push(Vector3::new(ca * ce, sa * ce, se));
+                directions.push(direction);
             }
         }
     }

@@ -58,11 +58,7 @@ pub struct Errors {
 
 /// Errors of `arm` on `observations`.
 pub fn errors(arm: &ArmModel, observations: &[&Observation]) -> Errors {
-    let unit = Sigmas {
-        position: 1.0,
-        orientation: 1.0,
-        length: 1.0,
-    };
+    let unit = Sigmas::UNIT;
     let mut evaluator = Evaluator::new(arm, unit);
     let mut errors = Errors::default();
     for o in observations {

@@ -196,12 +196,23 @@ impl<'a> Evaluator<'a> {
             }
         }
         for (relation, far) in o.relations.iter().zip(&self.far) {
-            let scale = o.weight / relation.sigma();
+            let scale = o.weight / self.sigmas.of(relation.kind());
             let off = relation.residual(self.arm, &p, far.as_ref());
             for (x, out) in off.iter().take(relation.equations()).zip(rows.by_ref()) {
                 *out = x * scale;
             }
         }
+    }
+
+    /// How far the tool point moves where an equation changes by one of its unit, m: the
+    /// distance across the line of sight for bearings, one for all else.
+    pub fn ways(&self, o: &Observation) -> Vec<f64> {
+        let mut ways = vec![1.0; related(o)];
+        for relation in &o.relations {
+            let way = relation.way(self.arm, &self.pose.translation);
+            ways.extend(way.iter().take(relation.equations()));
+        }
+        ways
     }
 
     /// Distances between what was measured of an observation and where the arm, here, puts
@@ -225,7 +236,8 @@ impl<'a> Evaluator<'a> {
     }
 
     /// What a displacement of the tool (world axes at the tool point) does to the prediction
-    /// of an observation, over sigma, into `out`. The other posture of a distance stays.
+    /// of an observation, over sigma, into `out`. The other posture of a distance stays:
+    /// [`Posture::spread`] does both.
     pub fn spread(&self, o: &Observation, twist: &Twist<f64>, out: &mut [f64]) {
         let s = &self.sigmas;
         let mut rest = out;
@@ -256,7 +268,7 @@ impl<'a> Evaluator<'a> {
         }
         for (relation, far) in o.relations.iter().zip(&self.far) {
             let gradient = relation.gradient(self.arm, &self.pose.translation, far.as_ref());
-            let scale = o.weight / relation.sigma();
+            let scale = o.weight / self.sigmas.of(relation.kind());
             let count = relation.equations().min(rest.len());
             let (these, after) = std::mem::take(&mut rest).split_at_mut(count);
             for (x, out) in (gradient * twist.linear).iter().zip(these) {
@@ -266,30 +278,44 @@ impl<'a> Evaluator<'a> {
         }
     }
 
-    /// Takes from `out` what the displacement `twist` of the tool at the other posture of a
-    /// distance does to it. `out` is [`Self::spread`]'s.
-    pub(super) fn spread_far(
-        &self,
+    /// Has `work` done at every posture that the observation's equations depend on: its own
+    /// first, then the others of its distances, in the order of [`Observation::postures`]. The
+    /// evaluator is at the posture then, and at the observation's own afterwards.
+    pub fn each_posture(&mut self, o: &Observation, mut work: impl FnMut(&mut Self, &Posture<'_>)) {
+        self.observe(o);
+        work(self, &Posture { at: o, far: None });
+        self.elsewhere(o, work);
+    }
+
+    /// The same at the other postures alone, of the observation last moved to.
+    pub(super) fn elsewhere(
+        &mut self,
         o: &Observation,
-        twists: &[Option<Twist<f64>>],
-        out: &mut [f64],
+        mut work: impl FnMut(&mut Self, &Posture<'_>),
     ) {
+        if self.far.iter().all(Option::is_none) {
+            return;
+        }
+        let here = self.pose.translation;
         let mut at = related(o);
-        for ((relation, far), twist) in o.relations.iter().zip(&self.far).zip(twists) {
-            if let (Some(far), Some(twist)) = (far, twist) {
-                let bar = self.pose.translation - far;
-                let scale = o.weight / relation.sigma();
-                if let Some(out) = out.get_mut(at) {
-                    *out -= bar.dot(&twist.linear) * scale / bar.norm().max(1e-9);
-                }
+        for (k, relation) in o.relations.iter().enumerate() {
+            let far = self.far.get(k).copied().flatten();
+            if let (Relation::Distance { to, .. }, Some(far)) = (relation, far) {
+                let bar = here - far;
+                let scale = o.weight / (self.sigmas.of(relation.kind()) * bar.norm().max(1e-9));
+                let gradient = bar * -scale;
+                self.posture(to);
+                let far = Some((at, gradient));
+                work(self, &Posture { at: to, far });
             }
             at += relation.equations();
         }
+        self.posture(o);
     }
 
-    /// True if the observation last moved to is related to another posture.
-    pub(super) fn looks_elsewhere(&self) -> bool {
-        self.far.iter().any(Option::is_some)
+    /// Predicted tool point in the world, at the posture last moved to, m.
+    pub fn tool_point(&self) -> Vector3<f64> {
+        self.pose.translation
     }
 
     /// Displacement of the tool per unit of what is added to the reading of joint `j`.
@@ -461,7 +487,7 @@ impl<'a> Evaluator<'a> {
                 let mut at = related(o);
                 for relation in &o.relations {
                     let partial = relation.partial(self.arm, &p, *of);
-                    let scale = o.weight / relation.sigma();
+                    let scale = o.weight / self.sigmas.of(relation.kind());
                     let end = at + relation.equations();
                     for (x, out) in partial.iter().zip(&mut out[at..end]) {
                         *out = x * scale;
@@ -479,6 +505,35 @@ impl<'a> Evaluator<'a> {
         let arm = self.arm;
         for effect in &arm.effects {
             self.effect_twists(o, effect, |_, twist| out.push(twist));
+        }
+    }
+}
+
+/// One of the postures that an observation's equations depend on.
+pub struct Posture<'o> {
+    /// Readings and conditions there.
+    pub at: &'o Observation,
+    /// Elsewhere: the equation, and its derivative by the tool point, over sigma.
+    far: Option<(usize, Vector3<f64>)>,
+}
+
+impl Posture<'_> {
+    /// True for the observation's own.
+    pub fn is_own(&self) -> bool {
+        self.far.is_none()
+    }
+
+    /// What a displacement of the tool at this posture (world axes at the tool point) does to
+    /// the prediction of the observation, over sigma: into `out` at the observation's own
+    /// posture, which comes first, and added to it elsewhere.
+    pub fn spread(&self, evaluator: &Evaluator<'_>, twist: &Twist<f64>, out: &mut [f64]) {
+        match self.far {
+            None => evaluator.spread(self.at, twist, out),
+            Some((equation, gradient)) => {
+                if let Some(out) = out.get_mut(equation) {
+                    *out += gradient.dot(&twist.linear);
+                }
+            }
         }
     }
 }

@@ -2,13 +2,11 @@
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use truepose::Twist;
 
 use super::arm::ArmModel;
 use super::attached::Attached;
 use super::evaluator::{Evaluator, Path, paths};
 use super::observation::{Observation, Sigmas};
-use super::relation::Relation;
 use super::solve::BLOCK;
 use super::unknown::Unknown;
 
@@ -50,44 +48,6 @@ pub struct Linear {
     pub residual: DVector<f64>,
 }
 
-/// The other postures of one observation's distances.
-struct Other<'a> {
-    evaluator: Evaluator<'a>,
-    /// One a relation: the twists of all unknowns there.
-    each: Vec<Option<Vec<Twist<f64>>>>,
-}
-
-impl<'a> Other<'a> {
-    fn new(arm: &'a ArmModel, sigmas: Sigmas) -> Self {
-        Self {
-            evaluator: Evaluator::new(arm, sigmas),
-            each: Vec::new(),
-        }
-    }
-
-    fn observe(&mut self, o: &Observation, paths: &[Path]) {
-        self.each.clear();
-        let mut effects = Vec::new();
-        for relation in &o.relations {
-            let Relation::Distance { to, .. } = relation else {
-                self.each.push(None);
-                continue;
-            };
-            self.evaluator.observe(to);
-            self.evaluator.all_effect_twists(to, &mut effects);
-            let twist = |path| self.evaluator.twist(to, path, &effects);
-            let twists = paths.iter().map(|p| twist(p).unwrap_or_else(Twist::zero));
-            self.each.push(Some(twists.collect()));
-        }
-    }
-
-    /// Twists of unknown `k`, one a relation.
-    fn twists(&self, k: usize, scale: f64) -> Vec<Option<Twist<f64>>> {
-        let of = |all: &Vec<Twist<f64>>| all.get(k).map(|t| t.scaled(scale));
-        self.each.iter().map(|e| e.as_ref().and_then(of)).collect()
-    }
-}
-
 /// Linearises the model around the arm as it is. `scales`: unit of each column, in the
 /// unknown's own unit.
 pub fn linearize(
@@ -104,7 +64,6 @@ pub fn linearize(
     let any_effect = paths.iter().any(|p| matches!(p, Path::Effect { .. }));
     let mut effects = Vec::new();
     let mut evaluator = Evaluator::new(arm, sigmas);
-    let mut other = Other::new(arm, sigmas);
     let rigid = arm.effects.is_empty();
     let (mut attached, rest) = attached(arm, &paths, scales, rigid);
     let mut start = 0;
@@ -115,30 +74,17 @@ pub fn linearize(
         if any_effect {
             evaluator.all_effect_twists(o, &mut effects);
         }
-        let far = evaluator.looks_elsewhere();
-        if far {
-            other.observe(o, &paths);
-        }
         let columns = jacobian.as_mut_slice();
         let place = |k: usize| k * rows + start..k * rows + end;
         if let Some(attached) = attached.get_mut(o.session.min(arm.bases.len() - 1)) {
             evaluator.attached(o, attached, |k, twist| {
-                let column = &mut columns[place(k)];
-                evaluator.spread(o, &twist, column);
-                if far {
-                    evaluator.spread_far(o, &other.twists(k, scales[k]), column);
-                }
+                evaluator.spread(o, &twist, &mut columns[place(k)]);
             });
         }
         for &k in &rest {
             let (path, scale, column) = (&paths[k], scales[k], &mut columns[place(k)]);
             match evaluator.twist(o, path, &effects) {
-                Some(twist) => {
-                    evaluator.spread(o, &twist.scaled(scale), column);
-                    if far {
-                        evaluator.spread_far(o, &other.twists(k, scale), column);
-                    }
-                }
+                Some(twist) => evaluator.spread(o, &twist.scaled(scale), column),
                 None => {
                     evaluator.column(o, path, column);
                     for x in column {
@@ -147,6 +93,14 @@ pub fn linearize(
                 }
             }
         }
+        evaluator.elsewhere(o, |evaluator, posture| {
+            evaluator.all_effect_twists(posture.at, &mut effects);
+            for (k, (path, &scale)) in paths.iter().zip(scales).enumerate() {
+                if let Some(twist) = evaluator.twist(posture.at, path, &effects) {
+                    posture.spread(evaluator, &twist.scaled(scale), &mut columns[place(k)]);
+                }
+            }
+        });
         start = end;
     }
     Linear { jacobian, residual }

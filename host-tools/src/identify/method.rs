@@ -218,17 +218,12 @@ impl Method {
                 prior,
             )),
             Estimator::LeastSquares => {
-                let alike = alike(observations, sigmas);
-                let observations: Vec<&Observation> = alike.iter().collect();
-                let one = Sigmas {
-                    position: sigmas.position,
-                    orientation: sigmas.position,
-                    length: sigmas.position,
-                };
+                // metres and radians alike
+                let one = Sigmas::alike(sigmas.position);
                 plain(solve::fit_undamped(
                     arm,
                     candidates,
-                    &observations,
+                    observations,
                     one,
                     Prior::None,
                 ))
@@ -258,13 +253,4 @@ impl Method {
             }
         }
     }
-}
-
-/// The observations with the relations' noise that of positions.
-fn alike(observations: &[&Observation], sigmas: Sigmas) -> Vec<Observation> {
-    let mut all: Vec<Observation> = observations.iter().map(|&o| o.clone()).collect();
-    for relation in all.iter_mut().flat_map(|o| &mut o.relations) {
-        relation.set_sigma(sigmas.position);
-    }
-    all
 }

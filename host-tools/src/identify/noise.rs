@@ -3,9 +3,8 @@
 use super::Calibration;
 use super::arm::ArmModel;
 use super::linearize::{linearize, residuals};
-use super::observation::{Observation, Sigmas};
+use super::observation::{Kind, Observation, Sigmas};
 use super::problem::Problem;
-use super::relation::Relation;
 use super::solve::{BLOCK, Solved};
 
 /// Residual of one kind of measurement.
@@ -51,26 +50,25 @@ pub struct Components {
 }
 
 impl Components {
+    fn of_mut(&mut self, kind: Kind) -> &mut Component {
+        match kind {
+            Kind::Position => &mut self.position,
+            Kind::Orientation => &mut self.orientation,
+            Kind::Length => &mut self.length,
+            Kind::Distance => &mut self.distance,
+            Kind::Contact => &mut self.contact,
+            Kind::Bearing => &mut self.bearing,
+        }
+    }
+
     fn add(&mut self, o: &Observation, residuals: &[f64], leverages: &[f64]) {
         let mut from = 0;
-        let mut next = |component: &mut Component, count: usize| {
+        for (kind, count) in o.kinds() {
             let to = from + count;
             if let (Some(r), Some(h)) = (residuals.get(from..to), leverages.get(from..to)) {
-                component.add(r, h);
+                self.of_mut(kind).add(r, h);
             }
             from = to;
-        };
-        next(&mut self.position, 3 * usize::from(o.position.is_some()));
-        next(&mut self.orientation, 3 * usize::from(o.rotation.is_some()));
-        next(&mut self.position, 3 * o.targets.iter().flatten().count());
-        next(&mut self.length, usize::from(o.length.is_some()));
-        for relation in &o.relations {
-            let component = match relation {
-                Relation::Distance { .. } => &mut self.distance,
-                Relation::Point { .. } | Relation::Plane { .. } => &mut self.contact,
-                Relation::Bearing { .. } => &mut self.bearing,
-            };
-            next(component, relation.equations());
         }
     }
 }

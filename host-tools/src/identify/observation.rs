@@ -71,6 +71,30 @@ impl Observation {
                 .sum::<usize>()
     }
 
+    /// Kind and number of its equations, in the order of the residual.
+    pub fn kinds(&self) -> impl Iterator<Item = (Kind, usize)> {
+        let three = |is: bool| 3 * usize::from(is);
+        let own = [
+            (Kind::Position, three(self.position.is_some())),
+            (Kind::Orientation, three(self.rotation.is_some())),
+            (Kind::Position, 3 * self.targets.iter().flatten().count()),
+            (Kind::Length, usize::from(self.length.is_some())),
+        ];
+        let relations = self.relations.iter().map(|r| (r.kind(), r.equations()));
+        own.into_iter()
+            .chain(relations)
+            .filter(|&(_, count)| count > 0)
+    }
+
+    /// Itself, and the other postures of its distances.
+    pub fn postures(&self) -> impl Iterator<Item = &Self> {
+        let others = self.relations.iter().filter_map(|r| match r {
+            Relation::Distance { to, .. } => Some(to.as_ref()),
+            _ => None,
+        });
+        std::iter::once(self).chain(others)
+    }
+
     /// True if it says how large anything is: bearings, fixed points and planes do not.
     pub fn has_scale(&self) -> bool {
         let distance = |r: &Relation| matches!(r, Relation::Distance { .. });
@@ -90,6 +114,35 @@ impl Observation {
     }
 }
 
+/// What a measured number is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Tool point and further targets.
+    Position,
+    /// Orientation.
+    Orientation,
+    /// Length of a wire or bar.
+    Length,
+    /// Distance between two poses.
+    Distance,
+    /// Touch of a point or plane.
+    Contact,
+    /// Bearing.
+    Bearing,
+}
+
+impl Kind {
+    /// All of them, in the order of [`Sigmas::per_kind`].
+    pub const ALL: [Self; 6] = [
+        Self::Position,
+        Self::Orientation,
+        Self::Length,
+        Self::Distance,
+        Self::Contact,
+        Self::Bearing,
+    ];
+}
+
 /// Noise of the instrument, one standard deviation per axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sigmas {
@@ -99,4 +152,52 @@ pub struct Sigmas {
     pub orientation: f64,
     /// m.
     pub length: f64,
+    /// Of a distance between two poses, m.
+    pub distance: f64,
+    /// Of a touch of a point or plane, m.
+    pub contact: f64,
+    /// Of a bearing, rad.
+    pub bearing: f64,
+}
+
+impl Sigmas {
+    /// One of each unit.
+    pub const UNIT: Self = Self::alike(1.0);
+
+    /// The same number for all kinds, m and rad.
+    pub const fn alike(sigma: f64) -> Self {
+        Self {
+            position: sigma,
+            orientation: sigma,
+            length: sigma,
+            distance: sigma,
+            contact: sigma,
+            bearing: sigma,
+        }
+    }
+
+    /// That of one kind.
+    pub fn of(&self, kind: Kind) -> f64 {
+        match kind {
+            Kind::Position => self.position,
+            Kind::Orientation => self.orientation,
+            Kind::Length => self.length,
+            Kind::Distance => self.distance,
+            Kind::Contact => self.contact,
+            Kind::Bearing => self.bearing,
+        }
+    }
+
+    /// From that of every kind.
+    pub fn per_kind(sigma: impl Fn(Kind) -> f64) -> Self {
+        let [position, orientation, length, distance, contact, bearing] = Kind::ALL.map(sigma);
+        Self {
+            position,
+            orientation,
+            length,
+            distance,
+            contact,
+            bearing,
+        }
+    }
 }

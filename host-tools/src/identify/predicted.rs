@@ -127,11 +127,7 @@ impl Uncertainty {
     /// Covariance of the tool pose at each observation's joints and conditions: x, y, z of the
     /// tool point in m, then turns about world axes in rad.
     pub fn at(&self, arm: &ArmModel, observations: &[Observation]) -> Vec<Matrix6<f64>> {
-        let unit = Sigmas {
-            position: 1.0,
-            orientation: 1.0,
-            length: 1.0,
-        };
+        let unit = Sigmas::UNIT;
         let ones = vec![1.0; self.unknowns.len()];
         let posed = |o: &Observation| Observation {
             position: Some(Vector3::zeros()),

@@ -12,18 +12,16 @@ use super::relation::Relation;
 use crate::description::Robot;
 use crate::measurement::{Dataset, Noise, Row, Set};
 
-/// Noise assumed where the file declares none: a good laser tracker's.
+/// Noise assumed where the file declares none: a good laser tracker's, a good arm's
+/// repeatability when it touches, a good theodolite's.
 pub const ASSUMED: Sigmas = Sigmas {
     position: 5e-5,
     orientation: 0.02 * std::f64::consts::PI / 180.0,
     length: 5e-5,
+    distance: 5e-5,
+    contact: 5e-5,
+    bearing: 1e-5,
 };
-
-/// Noise of a touch assumed where the file declares none, m: a good arm's repeatability.
-pub const ASSUMED_CONTACT: f64 = 5e-5;
-
-/// Noise of a bearing assumed where the file declares none, rad: a good theodolite's.
-pub const ASSUMED_BEARING: f64 = 1e-5;
 
 /// Which columns the joints are taken from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,11 +69,45 @@ impl Problem {
         joints: Joints,
         effects: Vec<Effect<'static, f64>>,
     ) -> Self {
+        let rows = Rows::of(data, joints);
+        Self {
+            drawing: ArmModel::drawn(robot),
+            identify: rows.identify,
+            verify: rows.verify,
+            sigmas: weights(&data.noise),
+            sessions: rows.sessions,
+            points: rows.points,
+            planes: rows.planes,
+            stations: rows.stations,
+            target_offsets: data
+                .target_offsets
+                .iter()
+                .copied()
+                .map(Vector3::from)
+                .collect(),
+            targets_known: data.targets_known,
+            effects,
+            method: Method::default(),
+        }
+    }
+}
+
+/// The rows of a file as observations, and what their labels stand for.
+pub(crate) struct Rows {
+    pub(crate) identify: Vec<Observation>,
+    pub(crate) verify: Vec<Observation>,
+    pub(crate) sessions: Vec<i64>,
+    pub(crate) points: Vec<i64>,
+    pub(crate) planes: Vec<i64>,
+    pub(crate) stations: usize,
+}
+
+impl Rows {
+    pub(crate) fn of(data: &Dataset, joints: Joints) -> Self {
         let numbers = places(data.rows.iter().map(|row| row.session.unwrap_or(0)));
         let points = places(data.rows.iter().filter_map(|row| row.relations.point));
         let planes = places(data.rows.iter().filter_map(|row| row.relations.plane));
         let labels = Labels {
-            noise: data.noise,
             points: &points,
             planes: &planes,
         };
@@ -96,7 +128,6 @@ impl Problem {
                             observation.relations.push(Relation::Distance {
                                 to: Box::new(first.0),
                                 distance,
-                                sigma: data.noise.distance.unwrap_or(ASSUMED.length),
                             });
                         }
                     }
@@ -122,14 +153,8 @@ impl Problem {
             }
         }
         Self {
-            drawing: ArmModel::drawn(robot),
             identify,
             verify,
-            sigmas: Sigmas {
-                position: data.noise.position.unwrap_or(ASSUMED.position),
-                orientation: data.noise.orientation.unwrap_or(ASSUMED.orientation),
-                length: data.noise.length.unwrap_or(ASSUMED.length),
-            },
             sessions: numbers.into_keys().collect(),
             points: points.into_keys().collect(),
             planes: planes.into_keys().collect(),
@@ -139,16 +164,19 @@ impl Problem {
                 .map(|row| row.relations.bearings.len())
                 .max()
                 .unwrap_or(0),
-            target_offsets: data
-                .target_offsets
-                .iter()
-                .copied()
-                .map(Vector3::from)
-                .collect(),
-            targets_known: data.targets_known,
-            effects,
-            method: Method::default(),
         }
+    }
+}
+
+/// Noise as declared, as assumed where it is not.
+pub fn weights(declared: &Noise) -> Sigmas {
+    Sigmas {
+        position: declared.position.unwrap_or(ASSUMED.position),
+        orientation: declared.orientation.unwrap_or(ASSUMED.orientation),
+        length: declared.length.unwrap_or(ASSUMED.length),
+        distance: declared.distance.unwrap_or(ASSUMED.distance),
+        contact: declared.contact.unwrap_or(ASSUMED.contact),
+        bearing: declared.bearing.unwrap_or(ASSUMED.bearing),
     }
 }
 
@@ -163,7 +191,6 @@ fn places(numbers: impl Iterator<Item = i64>) -> BTreeMap<i64, usize> {
 
 /// What turns labels of the file into places.
 struct Labels<'a> {
-    noise: Noise,
     points: &'a BTreeMap<i64, usize>,
     planes: &'a BTreeMap<i64, usize>,
 }
@@ -171,20 +198,13 @@ struct Labels<'a> {
 impl Labels<'_> {
     /// Of one row, distances aside.
     fn relations(&self, row: &Row) -> Vec<Relation> {
-        let touch = self.noise.contact.unwrap_or(ASSUMED_CONTACT);
         let r = &row.relations;
         let mut relations = Vec::new();
         if let Some(&point) = r.point.and_then(|n| self.points.get(&n)) {
-            relations.push(Relation::Point {
-                point,
-                sigma: touch,
-            });
+            relations.push(Relation::Point { point });
         }
         if let Some(&plane) = r.plane.and_then(|n| self.planes.get(&n)) {
-            relations.push(Relation::Plane {
-                plane,
-                sigma: touch,
-            });
+            relations.push(Relation::Plane { plane });
         }
         for (station, bearing) in r.bearings.iter().enumerate() {
             if let Some([azimuth, elevation]) = *bearing {
@@ -192,7 +212,6 @@ impl Labels<'_> {
                     station,
                     azimuth,
                     elevation,
-                    sigma: self.noise.bearing.unwrap_or(ASSUMED_BEARING),
                 });
             }
         }

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 use truepose::Pose;
 
 use super::arm::ArmModel;
-use super::observation::Observation;
+use super::observation::{Kind, Observation};
 
 /// A plane by the height of its points along its steepest axis k over the two others:
 /// `p[k] = level + slopes[0] p[k + 1] + slopes[1] p[k + 2]`, axes counted round. The axis
@@ -76,22 +76,16 @@ pub enum Relation {
         to: Box<Observation>,
         /// m.
         distance: f64,
-        /// m.
-        sigma: f64,
     },
     /// The tool point is at a fixed point.
     Point {
         /// Index in [`ArmModel::points`].
         point: usize,
-        /// m.
-        sigma: f64,
     },
     /// The tool point is in a fixed plane.
     Plane {
         /// Index in [`ArmModel::planes`].
         plane: usize,
-        /// m.
-        sigma: f64,
     },
     /// Direction to the tool point from a station, in the station's frame.
     Bearing {
@@ -101,8 +95,6 @@ pub enum Relation {
         azimuth: f64,
         /// Above the x-y plane, rad.
         elevation: f64,
-        /// rad.
-        sigma: f64,
     },
 }
 
@@ -124,23 +116,12 @@ impl Relation {
         }
     }
 
-    /// One standard deviation of an equation, m or rad.
-    pub fn sigma(&self) -> f64 {
+    /// What its equations are of.
+    pub fn kind(&self) -> Kind {
         match self {
-            Self::Distance { sigma, .. }
-            | Self::Point { sigma, .. }
-            | Self::Plane { sigma, .. }
-            | Self::Bearing { sigma, .. } => *sigma,
-        }
-    }
-
-    /// Changes it.
-    pub(super) fn set_sigma(&mut self, new: f64) {
-        match self {
-            Self::Distance { sigma, .. }
-            | Self::Point { sigma, .. }
-            | Self::Plane { sigma, .. }
-            | Self::Bearing { sigma, .. } => *sigma = new,
+            Self::Distance { .. } => Kind::Distance,
+            Self::Point { .. } | Self::Plane { .. } => Kind::Contact,
+            Self::Bearing { .. } => Kind::Bearing,
         }
     }
 
@@ -183,7 +164,7 @@ impl Relation {
     }
 
     /// d predicted / d p, a row an equation, world axes.
-    pub(super) fn gradient(
+    pub fn gradient(
         &self,
         arm: &ArmModel,
         p: &Vector3<f64>,
@@ -236,23 +217,53 @@ impl Relation {
         }
     }
 
+    /// How far the tool point moves where an equation changes by one of its unit, m: across
+    /// the line of sight for a bearing, one for all else.
+    pub(super) fn way(&self, arm: &ArmModel, p: &Vector3<f64>) -> [f64; 3] {
+        let Self::Bearing { station, .. } = *self else {
+            return [1.0; 3];
+        };
+        let Some(station) = arm.stations.get(station) else {
+            return [0.0; 3];
+        };
+        let v = p - station.translation;
+        let level = v.dot(&station.rotation.column(2));
+        let out = (v.norm_squared() - level * level).max(0.0).sqrt();
+        [out, v.norm(), 0.0]
+    }
+
+    /// Measured direction to the tool point, of length one, in the frame of `station`; `None`
+    /// where the bearing is not from there.
+    pub fn sight(&self, station: usize) -> Option<Vector3<f64>> {
+        match *self {
+            Self::Bearing {
+                station: s,
+                azimuth,
+                elevation,
+            } if s == station => {
+                let ((sa, ca), (se, ce)) = (azimuth.sin_cos(), elevation.sin_cos());
+                Some(Vector3::new(ca * ce, sa * ce, se))
+            }
+            _ => None,
+        }
+    }
+
+    /// Distance of the tool point from the station of a bearing, m; one for all else.
+    pub fn range(&self, arm: &ArmModel, p: &Vector3<f64>) -> f64 {
+        match *self {
+            Self::Bearing { station, .. } => {
+                let from = arm.stations.get(station);
+                from.map_or(1.0, |from| (p - from.translation).norm())
+            }
+            _ => 1.0,
+        }
+    }
+
     /// How far the tool point is from where the measurement has it, m; across the line of
     /// sight for a bearing.
     pub fn error(&self, arm: &ArmModel, p: &Vector3<f64>, far: Option<&Vector3<f64>>) -> f64 {
-        let [a, b, c] = self.residual(arm, p, far);
-        let off = Vector3::new(a, b, c);
-        match *self {
-            Self::Bearing { station, .. } => match arm.stations.get(station) {
-                Some(station) => {
-                    let v = p - station.translation;
-                    let level = v.dot(&station.rotation.column(2));
-                    let out = (v.norm_squared() - level * level).max(0.0).sqrt();
-                    (off.x * out).hypot(off.y * v.norm())
-                }
-                None => 0.0,
-            },
-            _ => off.norm(),
-        }
+        let off = Vector3::from(self.residual(arm, p, far));
+        off.component_mul(&Vector3::from(self.way(arm, p))).norm()
     }
 }
 

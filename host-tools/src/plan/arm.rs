@@ -1,9 +1,9 @@
 //! What measuring a described arm shows of its parameters.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use truepose::JointKind;
 
-use super::Sensitivity;
+use super::{Choice, Seen, Sensitivity, draw};
 use crate::description::Robot;
 use crate::identify::arm::ArmModel;
 use crate::identify::linearize::linearize;
@@ -13,17 +13,6 @@ use crate::identify::structure::structure;
 use crate::identify::unknown::Unknown;
 use crate::random::Random;
 
-/// What is going to be measured at each pose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Seen {
-    /// The tool point.
-    Position,
-    /// The tool's full pose.
-    Pose,
-    /// The length of a wire to the tool point.
-    Length,
-}
-
 /// An arm under an instrument.
 pub struct MeasuredArm {
     arm: ArmModel,
@@ -31,8 +20,8 @@ pub struct MeasuredArm {
     unknowns: Vec<Unknown>,
     scales: Vec<f64>,
     sigmas: Sigmas,
-    limits: Vec<[f64; 2]>,
-    template: Observation,
+    choice: Choice,
+    height: usize,
 }
 
 /// Random poses that decide which parameters can be told apart at all.
@@ -59,34 +48,41 @@ impl MeasuredArm {
     /// Every geometric parameter, base, tool and targets count, and the values of the effects
     /// that the arm has.
     pub fn new(arm: ArmModel, seen: Seen, sigmas: Sigmas, limits: Vec<[f64; 2]>) -> Self {
-        let zero = Vector3::zeros();
-        let template = Observation {
-            row: 0,
-            q: vec![0.0; arm.joint_count()],
-            direction: vec![0.0; arm.joint_count()],
-            travel: vec![0.0; arm.joint_count()],
-            position: (seen != Seen::Length).then_some(zero),
-            rotation: (seen == Seen::Pose).then(Matrix3::identity),
-            targets: match seen {
-                Seen::Position => vec![Some(zero); arm.targets.len()],
-                Seen::Pose | Seen::Length => Vec::new(),
-            },
-            length: (seen == Seen::Length).then_some(0.0),
-            ..Observation::default()
-        };
+        let choice = Choice::new(&arm, seen, &limits);
+        // Where nothing is placed in the world, the base is the world.
+        let placed = !matches!(seen, Seen::Distance | Seen::Touch);
         let mut candidates: Vec<Unknown> = (0..6)
+            .filter(|_| placed)
             .map(|axis| Unknown::Base { session: 0, axis })
             .collect();
         if seen == Seen::Length {
             candidates.extend((0..3).map(|axis| Unknown::Anchor { axis }));
         }
+        if seen == Seen::Touch {
+            for point in 0..arm.points.len() {
+                candidates.extend((0..3).map(|axis| Unknown::Point { point, axis }));
+            }
+            for plane in 0..arm.planes.len() {
+                candidates.extend((0..3).map(|value| Unknown::Plane { plane, value }));
+            }
+        }
+        if seen == Seen::Bearing {
+            for station in 1..arm.stations.len() {
+                candidates.extend((0..6).map(|axis| Unknown::Station { station, axis }));
+            }
+        }
+        let targets = match seen {
+            Seen::Position => arm.targets.len(),
+            _ => 0,
+        };
         candidates.extend((0..3).map(|axis| Unknown::Tool { axis }));
-        for target in 0..template.targets.len() {
+        for target in 0..targets {
             candidates.extend((0..3).map(|axis| Unknown::Target { target, axis }));
         }
         candidates.extend((3..6).map(|axis| Unknown::Tool { axis }));
         for unknown in structure(&arm, sigmas).unknowns {
-            if !candidates.contains(&unknown) {
+            let base = matches!(unknown, Unknown::Base { .. });
+            if !candidates.contains(&unknown) && (placed || !base) {
                 candidates.push(unknown);
             }
         }
@@ -95,34 +91,48 @@ impl MeasuredArm {
             candidates.extend((0..count).map(|value| Unknown::Effect { effect, value }));
         }
         let mut random = Random::new(0, PROBE);
-        let probes: Vec<Observation> = super::random_poses(&limits, PROBES, &mut random)
-            .into_iter()
-            .map(|q| Observation {
-                q,
-                ..template.clone()
-            })
+        let mut measured = Self {
+            height: choice.height(&arm),
+            arm,
+            unknowns: Vec::new(),
+            scales: Vec::new(),
+            sigmas,
+            choice,
+        };
+        let probes: Vec<Observation> = draw(&mut measured, PROBES, &mut random)
+            .iter()
+            .map(|probe| measured.observation(probe))
             .collect();
         let probes: Vec<&Observation> = probes.iter().collect();
-        let selection = distinguishable(&arm, &candidates, &probes, sigmas);
-        let unknowns: Vec<Unknown> = selection
+        let selection = distinguishable(&measured.arm, &candidates, &probes, sigmas);
+        measured.unknowns = selection
             .kept
             .iter()
             .filter_map(|&k| candidates.get(k).copied())
             .collect();
-        let scales = unknowns.iter().map(|u| u.expected(&arm)).collect();
-        Self {
-            arm,
-            unknowns,
-            scales,
-            sigmas,
-            limits,
-            template,
-        }
+        let expected = |u: &Unknown| u.expected(&measured.arm);
+        measured.scales = measured.unknowns.iter().map(expected).collect();
+        measured
+    }
+
+    /// The arm.
+    pub fn arm(&self) -> &ArmModel {
+        &self.arm
+    }
+
+    /// How its measurements are chosen.
+    pub fn choice(&self) -> &Choice {
+        &self.choice
     }
 
     /// Names of the parameters that count, in the order of the columns.
     pub fn names(&self) -> Vec<String> {
         self.unknowns.iter().map(|u| u.name(&self.arm)).collect()
+    }
+
+    fn observation(&self, choice: &[f64]) -> Observation {
+        let here = Observation::default();
+        self.choice.observation(&self.arm, &here, choice)
     }
 
     fn fill(&self, observation: &Observation, sigmas: Sigmas, rows: &mut [f64]) {
@@ -134,6 +144,8 @@ impl MeasuredArm {
             sigmas,
         )
         .jacobian;
+        // a plane has fewer rows than a point: the others say nothing
+        rows.fill(0.0);
         for (row, out) in jacobian
             .row_iter()
             .zip(rows.chunks_mut(self.unknowns.len().max(1)))
@@ -149,34 +161,30 @@ impl Sensitivity for MeasuredArm {
     }
 
     fn height(&self) -> usize {
-        self.template.equations()
+        self.height
     }
 
     fn limits(&self) -> &[[f64; 2]] {
-        &self.limits
+        self.choice.limits()
     }
 
-    fn rows(&mut self, q: &[f64], rows: &mut [f64]) {
-        let observation = Observation {
-            q: q.to_vec(),
-            ..self.template.clone()
-        };
-        self.fill(&observation, self.sigmas, rows);
+    fn bring(&mut self, choice: &mut [f64]) -> bool {
+        self.choice.bring(&self.arm, choice)
     }
 
-    fn tool(&mut self, q: &[f64], rows: &mut [f64]) {
+    fn rows(&mut self, choice: &[f64], rows: &mut [f64]) {
+        self.fill(&self.observation(choice), self.sigmas, rows);
+    }
+
+    fn tool(&mut self, choice: &[f64], rows: &mut [f64]) {
+        let joints = self.arm.joint_count();
         let observation = Observation {
-            q: q.to_vec(),
+            q: choice.get(..joints).unwrap_or(&[]).to_vec(),
+            direction: vec![0.0; joints],
+            travel: vec![0.0; joints],
             position: Some(Vector3::zeros()),
-            rotation: None,
-            targets: Vec::new(),
-            length: None,
-            ..self.template.clone()
+            ..Observation::default()
         };
-        let metre = Sigmas {
-            position: 1.0,
-            ..self.sigmas
-        };
-        self.fill(&observation, metre, rows);
+        self.fill(&observation, Sigmas::UNIT, rows);
     }
 }

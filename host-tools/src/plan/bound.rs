@@ -11,7 +11,7 @@
 use nalgebra::DMatrix;
 
 use super::design::{Blocks, Covariance};
-use super::{Sensitivity, random_poses};
+use super::{Sensitivity, draw};
 use crate::random::Random;
 
 /// Random poses, those of them that are climbed from, and steps of a climb.
@@ -32,13 +32,18 @@ pub(super) fn room_for_improvement(
     let covariance = Covariance::of(information)?;
     let limits = arm.limits().to_vec();
     let mut block = vec![0.0; width * chosen.height];
-    let mut worth = |q: &[f64]| {
+    let sampled = draw(arm, SAMPLES, random);
+    // of a pose where it can be measured
+    let mut worth = |q: &mut Vec<f64>| {
+        if !arm.bring(q) {
+            return 0.0;
+        }
         arm.rows(q, &mut block);
         covariance.variance(&block)
     };
-    let mut found: Vec<(f64, Vec<f64>)> = random_poses(&limits, SAMPLES, random)
+    let mut found: Vec<(f64, Vec<f64>)> = sampled
         .into_iter()
-        .map(|q| (worth(&q), q))
+        .map(|mut q| (worth(&mut q), q))
         .collect();
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     found.truncate(CLIMBS);
@@ -46,12 +51,12 @@ pub(super) fn room_for_improvement(
     for (mut best, mut at) in found {
         for step in 0..STEPS {
             let reach = 0.2 * (1.0 - step as f64 / STEPS as f64) + 0.01;
-            let q: Vec<f64> = (at.iter().zip(&limits))
+            let mut q: Vec<f64> = (at.iter().zip(&limits))
                 .map(|(q, &[low, high])| {
                     (q + reach * (high - low) * random.between(-1.0, 1.0)).clamp(low, high)
                 })
                 .collect();
-            let value = worth(&q);
+            let value = worth(&mut q);
             if value > best {
                 (best, at) = (value, q);
             }

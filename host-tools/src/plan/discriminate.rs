@@ -10,12 +10,13 @@
 use nalgebra::{DMatrix, DVector};
 use truepose::effects::Effect;
 
-use super::random_poses;
+use super::{Choice, Seen};
 use crate::diagnose::hypothesis::Members;
 use crate::diagnose::{Diagnosis, Named, Rival, UNDECIDED};
 use crate::identify::arm::ArmModel;
 use crate::identify::linearize::linearize;
 use crate::identify::observation::{Observation, Sigmas};
+use crate::identify::relation::Relation;
 use crate::identify::unknown::Unknown;
 use crate::random::Random;
 
@@ -43,10 +44,12 @@ pub struct Dispute {
 }
 
 /// The chosen poses, the most telling first.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Decision {
-    /// Joint values, rad or m.
+    /// As [`Choice`] has them.
     pub poses: Vec<Vec<f64>>,
+    /// How the measurements are chosen: those of the data.
+    pub choice: Choice,
     /// Every pair that is open.
     pub disputes: Vec<Dispute>,
 }
@@ -69,15 +72,32 @@ pub fn discriminate(
         .filter(|o| !calibration.rejected.contains(&o.row))
         .collect();
     let template = *measured.get(measured.len() / 2)?;
-    let q = random_poses(limits, POOL.max(2 * poses), &mut Random::new(seed, STREAM));
+    let arm = &calibration.complete.arm;
+    let seen = match template.relations.first() {
+        Some(Relation::Distance { .. }) => Some(Seen::Distance),
+        Some(Relation::Point { .. } | Relation::Plane { .. }) => Some(Seen::Touch),
+        _ => None,
+    };
+    // all else is measured at any pose, of the same kind as the template
+    let choice = Choice::new(arm, seen.unwrap_or(Seen::Position), limits);
+    let count = if seen == Some(Seen::Distance) {
+        poses / 2
+    } else {
+        poses
+    };
+    let random = &mut Random::new(seed, STREAM);
+    let q = choice.draw(arm, POOL.max(2 * count), random);
     let pool: Vec<Observation> = q
         .iter()
-        .map(|q| Observation {
-            row: 0,
-            q: q.clone(),
-            direction: vec![0.0; q.len()],
-            travel: vec![0.0; q.len()],
-            ..template.clone()
+        .map(|q| match seen {
+            Some(_) => choice.observation(arm, template, q),
+            None => Observation {
+                row: 0,
+                q: q.clone(),
+                direction: vec![0.0; q.len()],
+                travel: vec![0.0; q.len()],
+                ..template.clone()
+            },
         })
         .collect();
     let pool: Vec<&Observation> = pool.iter().collect();
@@ -93,7 +113,7 @@ pub fn discriminate(
     }
     let before: Vec<f64> = open.iter().map(|pair| pair.apart).collect();
     let mut chosen: Vec<usize> = Vec::new();
-    while chosen.len() < poses {
+    while chosen.len() < count {
         let closest = open.iter().min_by(|a, b| a.apart.total_cmp(&b.apart))?;
         let best = (0..pool.len())
             .filter(|k| !chosen.contains(k))
@@ -107,6 +127,7 @@ pub fn discriminate(
     }
     Some(Decision {
         poses: chosen.iter().map(|&k| q[k].clone()).collect(),
+        choice,
         disputes: open
             .into_iter()
             .zip(before)
@@ -155,11 +176,7 @@ impl Pair {
         let stage = &diagnosis.identified.calibration.complete;
         // what is left may be more than the declared noise: that decides how far apart two are
         let scale = stage.fit.variance().sqrt().max(1.0);
-        let sigmas = Sigmas {
-            position: problem.sigmas.position * scale,
-            orientation: problem.sigmas.orientation * scale,
-            length: problem.sigmas.length * scale,
-        };
+        let sigmas = Sigmas::per_kind(|kind| problem.sigmas.of(kind) * scale);
         let own = |unknown: &Unknown| match unknown {
             Unknown::Effect { effect, .. } => stage
                 .arm

@@ -8,6 +8,7 @@
 
 mod arm;
 mod bound;
+mod choice;
 mod design;
 mod discriminate;
 mod forecast;
@@ -18,7 +19,8 @@ use nalgebra::DMatrix;
 use crate::observability::{Observability, Unobservable, scale_columns};
 use crate::random::Random;
 
-pub use arm::{MeasuredArm, Seen, limits};
+pub use arm::{MeasuredArm, limits};
+pub use choice::{Choice, Seen};
 pub use discriminate::{Decision, Dispute, discriminate};
 
 use design::Blocks;
@@ -73,8 +75,14 @@ pub trait Sensitivity {
     /// Rows that one measured pose gives.
     fn height(&self) -> usize;
 
-    /// Lower and upper end of every joint, rad or m.
+    /// Lower and upper end of every joint, rad or m, or of whatever else a pose is chosen by.
     fn limits(&self) -> &[[f64; 2]];
+
+    /// Moves `q` to a choice nearby that can be measured; false where there is none.
+    fn bring(&mut self, q: &mut [f64]) -> bool {
+        let _ = q;
+        true
+    }
 
     /// Rows of the identification Jacobian at the readings `q`: row after row, each over the
     /// instrument's sigma, each column times what may be expected of its parameter.
@@ -111,6 +119,8 @@ pub enum Refused {
     TooFew(usize, usize),
     /// Poses within the limits do not show all parameters.
     Unobservable(Unobservable),
+    /// Hardly any pose within the limits reaches what is to be touched.
+    OutOfReach,
 }
 
 impl std::fmt::Display for Refused {
@@ -123,6 +133,10 @@ impl std::fmt::Display for Refused {
             Self::Unobservable(Unobservable::RankDeficient(rank, parameters)) => write!(
                 f,
                 "poses within these limits show {rank} combinations of {parameters} parameters"
+            ),
+            Self::OutOfReach => write!(
+                f,
+                "what is to be touched is out of reach of poses within these limits"
             ),
             Self::Unobservable(Unobservable::NotANumber) => {
                 write!(f, "the model gives numbers that are not finite")
@@ -162,7 +176,10 @@ pub fn plan(
     (0..before.len()).for_each(|i| before.inform(i, &mut fixed));
 
     let mut random = Random::new(settings.seed, POOL);
-    let q = random_poses(&limits, settings.pool.max(2 * settings.poses), &mut random);
+    let q = draw(arm, settings.pool.max(2 * settings.poses), &mut random);
+    if q.len() < settings.poses {
+        return Err(Refused::OutOfReach);
+    }
     let pool = Pool {
         blocks: blocks(arm, &q),
         q,
@@ -187,7 +204,6 @@ pub fn plan(
     );
     let places = tools(arm, &looked_at);
     let mut chance = Random::new(settings.seed, ANNEAL);
-    let mut rows = |q: &[f64], block: &mut [f64]| arm.rows(q, block);
     let mut steps = vec![(Aim::Determinant, settings.proposals)];
     if settings.criterion == Criterion::Minimax {
         // Close to D-optimal is close to minimax; a quarter, since each move is dearer.
@@ -201,7 +217,7 @@ pub fn plan(
             aim,
             *proposals,
             &mut chance,
-            &mut rows,
+            arm,
         );
         tell(0.7);
     }
@@ -225,7 +241,7 @@ pub fn plan(
     let mut random = Random::new(settings.seed, COMPARE);
     let mut compared: Vec<Observability> = (0..RANDOM_SETS)
         .filter_map(|_| {
-            let q = random_poses(&limits, settings.poses, &mut random);
+            let q = draw(arm, settings.poses, &mut random);
             observe(&before, &blocks(arm, &q)).ok()
         })
         .collect();
@@ -250,6 +266,33 @@ pub fn assess(
     let (width, height) = (arm.parameters(), arm.height());
     observe(&Blocks::new(width, height), &blocks(arm, poses))
 }
+
+/// Poses at random that can be measured; fewer than `count` where hardly any can.
+pub fn draw(arm: &mut dyn Sensitivity, count: usize, random: &mut Random) -> Vec<Vec<f64>> {
+    let limits = arm.limits().to_vec();
+    brought(&limits, count, random, |q| arm.bring(q))
+}
+
+/// Random choices within `limits` that `bring` can make measurable.
+fn brought(
+    limits: &[[f64; 2]],
+    count: usize,
+    random: &mut Random,
+    mut bring: impl FnMut(&mut [f64]) -> bool,
+) -> Vec<Vec<f64>> {
+    let mut drawn = Vec::with_capacity(count);
+    let mut tries = 0;
+    while drawn.len() < count && tries < TRIES * (drawn.len() + 1) {
+        tries += 1;
+        let mut found = random_poses(limits, 1, random);
+        found.retain_mut(|q| bring(q));
+        drawn.extend(found);
+    }
+    drawn
+}
+
+/// Random poses of which one must be measurable.
+const TRIES: usize = 1000;
 
 /// Evenly distributed joint values within the limits.
 pub fn random_poses(limits: &[[f64; 2]], count: usize, random: &mut Random) -> Vec<Vec<f64>> {

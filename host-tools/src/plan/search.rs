@@ -2,6 +2,7 @@
 
 use nalgebra::DMatrix;
 
+use super::Sensitivity;
 use super::design::{Blocks, Covariance, gain};
 use crate::random::Random;
 
@@ -145,7 +146,7 @@ pub(crate) struct Chosen {
 }
 
 /// Moves poses at random within `limits`, one at a time, and keeps what lowers the aim, at
-/// first also some of what does not (simulated annealing). `rows` fills a pose's block.
+/// first also some of what does not (simulated annealing).
 pub(crate) fn anneal(
     chosen: &mut Chosen,
     fixed: &DMatrix<f64>,
@@ -153,7 +154,7 @@ pub(crate) fn anneal(
     aim: &Aim<'_>,
     proposals: usize,
     chance: &mut Random,
-    rows: &mut dyn FnMut(&[f64], &mut [f64]),
+    arm: &mut dyn Sensitivity,
 ) {
     let Blocks { width, height, .. } = chosen.blocks;
     let count = chosen.q.len();
@@ -182,7 +183,7 @@ pub(crate) fn anneal(
         let member = chance.below(count);
         let old = chosen.q[member].clone();
         // Small steps more and more; now and then anywhere.
-        let q: Vec<f64> = if chance.unit() < 0.1 * left {
+        let mut q: Vec<f64> = if chance.unit() < 0.1 * left {
             limits
                 .iter()
                 .map(|&[low, high]| chance.between(low, high))
@@ -202,7 +203,10 @@ pub(crate) fn anneal(
                 })
                 .collect()
         };
-        rows(&q, &mut block);
+        if !arm.bring(&mut q) {
+            continue;
+        }
+        arm.rows(&q, &mut block);
         // Add first, remove then: the information is never singular in between.
         let Some((add, gained)) = covariance.update(&block, 1.0) else {
             continue;

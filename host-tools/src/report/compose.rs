@@ -14,7 +14,7 @@ use crate::identify::evaluator::Evaluator;
 use crate::identify::noise::{Component, fitted, of_fitted};
 use crate::identify::observation::Observation;
 use crate::identify::predicted::{Covariance, Uncertainty};
-use crate::identify::problem::{ASSUMED, ASSUMED_BEARING, ASSUMED_CONTACT, Joints, Problem};
+use crate::identify::problem::{ASSUMED, Joints, Problem};
 use crate::identify::readings::Identified;
 use crate::identify::relation::Relation;
 use crate::identify::uncertainty::chi_square_tail;
@@ -131,17 +131,14 @@ impl Report {
                 estimated: of.ratio().unwrap_or(0.0) * weight * factor,
             };
         let (s, by) = (problem.sigmas, data.noise);
-        let touch = by.contact.unwrap_or(ASSUMED_CONTACT);
-        let apart = by.distance.unwrap_or(ASSUMED.length);
-        let sight = by.bearing.unwrap_or(ASSUMED_BEARING);
         let range = range(&stage.arm, &kept);
         let degrees = 1.0_f64.to_degrees();
         use schema::Measured as M;
         self.summary.noise_mm = match self.summary.measured {
             M::Length => noise(by.length, s.length, &found.length, MM),
-            M::Distance => noise(by.distance, apart, &found.distance, MM),
-            M::Point | M::Plane => noise(by.contact, touch, &found.contact, MM),
-            M::Bearing => noise(by.bearing, sight, &found.bearing, MM * range),
+            M::Distance => noise(by.distance, s.distance, &found.distance, MM),
+            M::Point | M::Plane => noise(by.contact, s.contact, &found.contact, MM),
+            M::Bearing => noise(by.bearing, s.bearing, &found.bearing, MM * range),
             M::Position | M::Pose => noise(by.position, s.position, &found.position, MM),
         };
         self.summary.noise_deg = match self.summary.measured {
@@ -151,7 +148,7 @@ impl Report {
                 &found.orientation,
                 degrees,
             )),
-            M::Bearing => Some(noise(by.bearing, sight, &found.bearing, degrees)),
+            M::Bearing => Some(noise(by.bearing, s.bearing, &found.bearing, degrees)),
             _ => None,
         };
     }
@@ -200,13 +197,13 @@ impl Report {
         if noise.contact.is_none() && has(touch) {
             assumed.push(format!(
                 "touches weighted as by {:.3} mm; contact_sigma_mm in the sidecar says better",
-                ASSUMED_CONTACT * MM
+                ASSUMED.contact * MM
             ));
         }
         if noise.bearing.is_none() && has(|r| matches!(r, Relation::Bearing { .. })) {
             assumed.push(format!(
                 "bearings weighted as by {:.4} deg; bearing_sigma_deg in the sidecar says better",
-                ASSUMED_BEARING.to_degrees()
+                ASSUMED.bearing.to_degrees()
             ));
         }
         for (what, numbers) in [("point", &problem.points), ("plane", &problem.planes)] {
@@ -518,11 +515,7 @@ fn joints_used(identified: &Identified) -> Option<schema::JointsUsed> {
 
 fn rows(calibration: &Calibration, verify: &[&Observation]) -> Vec<Row> {
     let arm = &calibration.complete.arm;
-    let sigmas = crate::identify::observation::Sigmas {
-        position: 1.0,
-        orientation: 1.0,
-        length: 1.0,
-    };
+    let sigmas = crate::identify::observation::Sigmas::UNIT;
     let mut evaluator = Evaluator::new(arm, sigmas);
     verify
         .iter()

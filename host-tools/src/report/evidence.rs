@@ -11,7 +11,7 @@ use crate::diagnose::search::Ranked;
 use crate::diagnose::{Diagnosis, Named};
 use crate::identify::arm::ArmModel;
 use crate::identify::evaluator::Evaluator;
-use crate::identify::observation::{Observation, Sigmas};
+use crate::identify::observation::{Kind, Observation, Sigmas};
 
 /// Rows whose tool a joint moves less than this share of its typical way say little of it.
 const LEVER: f64 = 0.3;
@@ -23,11 +23,7 @@ const PANELS: usize = 6;
 const LOWEST: f64 = 0.5;
 
 /// Residuals in metres.
-const UNIT: Sigmas = Sigmas {
-    position: 1.0,
-    orientation: 1.0,
-    length: 1.0,
-};
+const UNIT: Sigmas = Sigmas::UNIT;
 
 /// What is shown of one effect that was added.
 #[derive(Clone, Debug, PartialEq)]
@@ -190,17 +186,39 @@ fn residual(evaluator: &mut Evaluator<'_>, o: &Observation) -> Vec<f64> {
     out
 }
 
+/// The same of what is a length, and of bearings as lengths across the line of sight, m.
+fn lengths(evaluator: &mut Evaluator<'_>, o: &Observation) -> Vec<f64> {
+    let all = residual(evaluator, o);
+    let kinds = o
+        .kinds()
+        .flat_map(|(kind, count)| std::iter::repeat_n(kind, count));
+    let ways = evaluator.ways(o);
+    all.into_iter()
+        .zip(kinds)
+        .zip(ways)
+        .filter(|((_, kind), _)| *kind != Kind::Orientation)
+        .map(|((x, _), way)| x * way)
+        .collect()
+}
+
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
 fn panel(part: &Part, complete: &ArmModel, sigmas: Sigmas, observations: &[&Observation]) -> Panel {
+    let single = of_one_posture(observations);
     match part.joint {
-        Some(joint) if turns_the_joint(part.kind) => {
-            joint_panel(part, joint, complete, sigmas, observations)
+        Some(joint) if turns_the_joint(part.kind) && !single.is_empty() => {
+            joint_panel(part, joint, complete, sigmas, &single)
         }
         _ => tool_panel(part, complete, observations),
     }
+}
+
+/// Rows that show an error of a joint at one reading: a distance has it at two.
+fn of_one_posture<'o>(observations: &[&'o Observation]) -> Vec<&'o Observation> {
+    let single = |o: &&Observation| o.postures().count() == 1;
+    observations.iter().copied().filter(single).collect()
 }
 
 /// Effects that add to a joint's own reading: their residual is an angle (or way) of it.
@@ -334,16 +352,7 @@ fn tool_panel(part: &Part, complete: &ArmModel, observations: &[&Observation]) -
     );
     let rows: Vec<(&Observation, Vec<f64>, Vec<f64>)> = observations
         .iter()
-        .map(|o| (*o, residual(&mut without, o), residual(&mut with, o)))
-        .map(|(o, mut before, mut after)| {
-            // tool point and targets alone: all of them lengths
-            let orientations = 3 * usize::from(o.rotation.is_some());
-            let start = 3 * usize::from(o.position.is_some());
-            for all in [&mut before, &mut after] {
-                all.drain(start.min(all.len())..(start + orientations).min(all.len()));
-            }
-            (o, before, after)
-        })
+        .map(|o| (*o, lengths(&mut without, o), lengths(&mut with, o)))
         .collect();
     let way = |before: &[f64], after: &[f64]| -> Vec<f64> {
         before.iter().zip(after).map(|(b, a)| b - a).collect()
@@ -393,7 +402,7 @@ fn periodogram(
         Evaluator::new(&part.without, sigmas),
         Evaluator::new(complete, sigmas),
     );
-    let rows: Vec<[f64; 3]> = observations
+    let rows: Vec<[f64; 3]> = of_one_posture(observations)
         .iter()
         .map(|o| {
             let [before, _, length] = apparent(&mut without, &mut with, joint, o);

@@ -4,6 +4,7 @@
 //! Before is how far the arm is from where its controller's own kinematics believe it to be,
 //! after is how far it is from where the calibrated model puts it, at the same commands.
 
+mod bound;
 mod iso9283;
 mod realign;
 
@@ -19,16 +20,24 @@ use crate::identify::assess::Statistics;
 use crate::joints::{first, with_joints};
 use crate::measurement::{Dataset, Measured, Row};
 
+use bound::Bound;
 pub use iso9283::{Iso9283, PoseFigures};
-use realign::{anchor, moved, placement};
+use realign::{moved, placement};
 
 /// Errors of one model on the new rows, SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// Distance of tool points, or difference of lengths, m.
+    /// Distance of tool points; difference of lengths or distances; how far a touch is off;
+    /// how far a bearing is off across the line of sight, m.
     pub position: Statistics,
     /// Angle between orientations, rad; with full poses.
     pub orientation: Option<Statistics>,
+    /// Angle between lines of sight, rad; with bearings.
+    pub bearing: Option<Statistics>,
+    /// What that says of the tool point where a measurement sees it in part: root mean square
+    /// distance, m, if no direction errs more than another. What was fitted to the rows first
+    /// is paid for.
+    pub tool_point: Option<f64>,
 }
 
 /// What new measurements say of a set of parameters.
@@ -44,14 +53,14 @@ pub struct Verified {
     pub after: Errors,
     /// Accuracy and repeatability, where poses were measured more than once.
     pub iso9283: Option<Iso9283>,
-    /// True if the instrument's placement (lengths: the wire's fixed end) was fitted to these
-    /// rows first, for either model on its own.
+    /// True if the instrument's placement (where a wire ends, a point or plane is, a further
+    /// theodolite stands) was fitted to these rows first, for either model on its own.
     pub realigned: bool,
 }
 
 /// Compares the rows of `table` with the parameters in `blob`, which come from `file`. With
-/// `realign` the instrument may stand elsewhere than when the parameters were identified;
-/// lengths are always realigned, since the blob does not say where their fixed end is.
+/// `realign` the instrument may stand elsewhere than when the parameters were identified. What
+/// the blob does not say, as where a wire ends or a touched plane is, is always found first.
 pub fn verify(
     file: &Path,
     blob: &Blob<'_>,
@@ -68,13 +77,27 @@ pub fn verify(
             file: file.to_path_buf(),
             cause,
         })?;
-    let realigned = realign || table.measured == Measured::Length;
-    let enough = match table.measured {
-        Measured::Length => 4,
-        _ if realign => 4,
-        _ => 1,
+    let no_row = || {
+        Place::file(&table.file).bad(
+            "no measured row",
+            "at least one",
+            "measure the compensated poses",
+        )
     };
-    let count = table.rows.iter().filter(|row| shows(row)).count();
+    if !matches!(table.measured, Measured::Position | Measured::Pose) {
+        let bound = Bound::new(table, realign)?;
+        return Ok(Verified {
+            measured: table.measured,
+            rows: bound.rows(),
+            before: bound.errors(&nominal).ok_or_else(no_row)?,
+            after: bound.errors(&calibrated).ok_or_else(no_row)?,
+            iso9283: None,
+            realigned: bound.is_realigned(),
+        });
+    }
+    let enough = if realign { 4 } else { 1 };
+    let count = table.rows.iter().filter(|row| row.position.is_some());
+    let count = count.count();
     if count < enough {
         return Err(Place::file(&table.file).bad(
             format!("{count} rows with a measured tool point"),
@@ -82,31 +105,16 @@ pub fn verify(
             "measure more poses",
         ));
     }
-    let before = residuals(&table.rows, &nominal, table.measured, realigned);
-    let after = residuals(&table.rows, &calibrated, table.measured, realigned);
-    let (Some(errors_before), Some(errors_after)) = (errors(&before), errors(&after)) else {
-        return Err(Place::file(&table.file).bad(
-            "no measured row",
-            "at least one",
-            "measure the compensated poses",
-        ));
-    };
-    let iso9283 = match table.measured {
-        Measured::Length | Measured::Nothing => None,
-        _ => iso9283::figures(&table.rows, &after),
-    };
+    let before = residuals(&table.rows, &nominal, realign);
+    let after = residuals(&table.rows, &calibrated, realign);
     Ok(Verified {
         measured: table.measured,
         rows: count,
-        before: errors_before,
-        after: errors_after,
-        iso9283,
-        realigned,
+        before: errors(&before).ok_or_else(no_row)?,
+        after: errors(&after).ok_or_else(no_row)?,
+        iso9283: iso9283::figures(&table.rows, &after),
+        realigned: realign,
     })
-}
-
-fn shows(row: &Row) -> bool {
-    row.position.is_some() || row.length.is_some()
 }
 
 /// Nominal and calibrated tool poses at every row, by the controller's code in `f64`.
@@ -131,33 +139,14 @@ fn predict<const N: usize>(blob: &Blob<'_>, table: &Dataset) -> Result<Predicted
 /// Measured minus predicted of one row.
 #[derive(Clone, Copy, Debug)]
 struct Residual {
-    /// Of the tool point or, in x, of the length, m; `None` where it was not measured.
+    /// Of the tool point, m; `None` where it was not measured.
     position: Option<Vector3<f64>>,
     /// Rotation vector, world axes, rad.
     orientation: Option<Vector3<f64>>,
 }
 
-fn residuals(
-    rows: &[Row],
-    predicted: &[Pose<f64>],
-    measured: Measured,
-    realigned: bool,
-) -> Vec<Residual> {
+fn residuals(rows: &[Row], predicted: &[Pose<f64>], realigned: bool) -> Vec<Residual> {
     let pairs = || rows.iter().zip(predicted);
-    if measured == Measured::Length {
-        let lengths: Vec<(Vector3<f64>, f64)> = pairs()
-            .filter_map(|(row, pose)| Some((pose.translation, row.length?)))
-            .collect();
-        let from = anchor(&lengths);
-        return pairs()
-            .map(|(row, pose)| Residual {
-                position: row.length.map(|length| {
-                    Vector3::new(length - (pose.translation - from).norm(), 0.0, 0.0)
-                }),
-                orientation: None,
-            })
-            .collect();
-    }
     let points: Vec<(Vector3<f64>, Vector3<f64>)> = pairs()
         .filter_map(|(row, pose)| Some((pose.translation, row.position?.into())))
         .collect();
@@ -189,5 +178,7 @@ fn errors(residuals: &[Residual]) -> Option<Errors> {
     Some(Errors {
         position: Statistics::of(&norms(|r| r.position))?,
         orientation: Statistics::of(&norms(|r| r.orientation)),
+        bearing: None,
+        tool_point: None,
     })
 }

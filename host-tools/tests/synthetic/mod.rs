@@ -28,6 +28,9 @@ pub(crate) const SIGMAS: Sigmas = Sigmas {
     position: 3e-5,
     orientation: 1e-4,
     length: 3e-5,
+    distance: 3e-5,
+    contact: 3e-5,
+    bearing: 1e-5,
 };
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -100,26 +100,29 @@ impl Columns {
         let mut evaluator = Evaluator::new(arm, problem.sigmas);
         for (o, pair) in rows.iter().zip(starts.windows(2)) {
             let (from, to) = (pair[0], pair[1]);
-            let pose = evaluator.observe(o);
-            for j in 0..n {
-                let out = &mut joints.as_mut_slice()[j * equations + from..j * equations + to];
-                evaluator.spread(o, &evaluator.joint_twist(j), out);
-            }
-            let origin = arm
-                .bases
-                .get(o.session)
-                .map_or_else(Vector3::zeros, |b| b.translation);
-            for axis in 0..6 {
-                let mut unit = Vector3::zeros();
-                unit[axis % 3] = 1.0;
-                let twist = if axis < 3 {
-                    Twist::new(unit, Vector3::zeros())
-                } else {
-                    Twist::new(Vector3::zeros(), unit).at(&(pose.translation - origin))
-                };
-                let out = &mut base.as_mut_slice()[axis * equations + from..axis * equations + to];
-                evaluator.spread(o, &twist, out);
-            }
+            evaluator.each_posture(o, |evaluator, posture| {
+                for j in 0..n {
+                    let out = &mut joints.as_mut_slice()[j * equations + from..j * equations + to];
+                    posture.spread(evaluator, &evaluator.joint_twist(j), out);
+                }
+                let origin = arm
+                    .bases
+                    .get(o.session)
+                    .map_or_else(Vector3::zeros, |b| b.translation);
+                for axis in 0..6 {
+                    let mut unit = Vector3::zeros();
+                    unit[axis % 3] = 1.0;
+                    let twist = if axis < 3 {
+                        Twist::new(unit, Vector3::zeros())
+                    } else {
+                        let lever = evaluator.tool_point() - origin;
+                        Twist::new(Vector3::zeros(), unit).at(&lever)
+                    };
+                    let out =
+                        &mut base.as_mut_slice()[axis * equations + from..axis * equations + to];
+                    posture.spread(evaluator, &twist, out);
+                }
+            });
         }
         Self {
             joints,

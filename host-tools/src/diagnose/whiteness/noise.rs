@@ -2,7 +2,7 @@
 
 use super::projected::Projected;
 use crate::diagnose::chance::ln_chi_square;
-use crate::identify::observation::{Observation, Sigmas};
+use crate::identify::observation::{Kind, Observation, Sigmas};
 
 /// One kind of measured number.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,7 +13,8 @@ pub struct Component {
     pub estimated: f64,
     /// From the median, which gross rows and tails do not reach, m or rad.
     pub robust: f64,
-    /// `estimated` along each world axis (one entry for lengths), m or rad.
+    /// `estimated` along each axis, world axes for points and orientations (one entry for
+    /// lengths, distances and touches of planes, two for bearings), m or rad.
     pub axes: Vec<f64>,
     /// From rows that repeat a pose, m or rad: noise alone, whatever the model lacks.
     pub pure: Option<f64>,
@@ -32,47 +33,42 @@ pub struct Noise {
     pub orientation: Option<Component>,
     /// Lengths.
     pub length: Option<Component>,
+    /// Distances between poses.
+    pub distance: Option<Component>,
+    /// Touches of points and planes.
+    pub contact: Option<Component>,
+    /// Bearings.
+    pub bearing: Option<Component>,
 }
 
 impl Noise {
     /// Sigmas by which residuals are alike in all kinds; `assumed` where too little is known.
     pub(super) fn weights(&self, assumed: Sigmas) -> Sigmas {
-        let of = |component: &Option<Component>, assumed: f64| {
-            let known = component.as_ref().filter(|c| c.freedom > 10.0);
+        Sigmas::per_kind(|kind| {
+            let assumed = assumed.of(kind);
+            let known = self.of(kind).filter(|c| c.freedom > 10.0);
             known.map_or(assumed, |c| c.estimated.max(1e-3 * assumed))
-        };
-        Sigmas {
-            position: of(&self.position, assumed.position),
-            orientation: of(&self.orientation, assumed.orientation),
-            length: of(&self.length, assumed.length),
+        })
+    }
+
+    /// That of one kind.
+    pub fn of(&self, kind: Kind) -> Option<&Component> {
+        match kind {
+            Kind::Position => self.position.as_ref(),
+            Kind::Orientation => self.orientation.as_ref(),
+            Kind::Length => self.length.as_ref(),
+            Kind::Distance => self.distance.as_ref(),
+            Kind::Contact => self.contact.as_ref(),
+            Kind::Bearing => self.bearing.as_ref(),
         }
     }
 }
 
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Position,
-    Orientation,
-    Length,
-}
-
 /// Kind and axis of every equation of an observation, in the order of its residual.
 fn kinds(o: &Observation) -> Vec<(Kind, usize)> {
-    let three = |kind| (0..3).map(move |axis| (kind, axis));
-    let mut kinds = Vec::with_capacity(o.equations());
-    if o.position.is_some() {
-        kinds.extend(three(Kind::Position));
-    }
-    if o.rotation.is_some() {
-        kinds.extend(three(Kind::Orientation));
-    }
-    for _ in o.targets.iter().flatten() {
-        kinds.extend(three(Kind::Position));
-    }
-    if o.length.is_some() {
-        kinds.push((Kind::Length, 0));
-    }
-    kinds
+    // a touch of a point has three axes, one of a plane its normal, a bearing two angles
+    let each = |(kind, count)| (0..count).map(move |i| (kind, i % 3));
+    o.kinds().flat_map(each).collect()
 }
 
 /// Variance components of a projected residual. `repeats`: rows of one pose each.
@@ -83,13 +79,15 @@ pub(super) fn noise(
     repeats: &[Vec<usize>],
 ) -> Noise {
     let labels: Vec<Vec<(Kind, usize)>> = observations.iter().map(|o| kinds(o)).collect();
-    let component = |kind: Kind, assumed: f64, axes: usize| -> Option<Component> {
-        let mut sums = vec![[0.0; 2]; axes];
+    let component = |kind: Kind| -> Option<Component> {
+        let assumed = sigmas.of(kind);
+        let mut sums: Vec<[f64; 2]> = Vec::new();
         let mut sizes = Vec::new();
         for (i, labels) in labels.iter().enumerate() {
             let (r, kept) = (projected.row(i), projected.kept(i));
             for ((&(k, axis), r), kept) in labels.iter().zip(r).zip(kept) {
                 if k == kind {
+                    sums.resize(sums.len().max(axis + 1), [0.0; 2]);
                     sums[axis][0] += r * r;
                     sums[axis][1] += kept;
                     sizes.push(r.abs() / kept.max(1e-3).sqrt());
@@ -117,9 +115,12 @@ pub(super) fn noise(
         })
     };
     Noise {
-        position: component(Kind::Position, sigmas.position, 3),
-        orientation: component(Kind::Orientation, sigmas.orientation, 3),
-        length: component(Kind::Length, sigmas.length, 1),
+        position: component(Kind::Position),
+        orientation: component(Kind::Orientation),
+        length: component(Kind::Length),
+        distance: component(Kind::Distance),
+        contact: component(Kind::Contact),
+        bearing: component(Kind::Bearing),
     }
 }
 

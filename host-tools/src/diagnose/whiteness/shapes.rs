@@ -63,7 +63,7 @@ pub(super) struct Design {
     pub(super) levers: Vec<f64>,
 }
 
-/// One function of the row.
+/// One function of the row, with a value at each of its postures.
 struct Function {
     subject: Subject,
     name: String,
@@ -236,7 +236,8 @@ pub(crate) fn own_functions(
 /// The design of all functions at `observations`.
 pub(super) fn design(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> Design {
     let n = arm.joint_count();
-    let functions = functions(arm, observations);
+    let postures: Vec<&Observation> = observations.iter().flat_map(|o| o.postures()).collect();
+    let functions = functions(arm, &postures);
     let mut shapes: Vec<Shape> = Vec::new();
     for f in &functions {
         shapes.extend(f.movers.iter().map(|&mover| Shape {
@@ -269,55 +270,61 @@ pub(super) fn design(arm: &ArmModel, observations: &[&Observation], sigmas: Sigm
     let gravity = arm.bases.first().map(|b| b.rotation * arm.gravity);
     let down = gravity.filter(|g| g.norm() > 0.0).map(|g| g.normalize());
     let mut start = 0;
-    for (i, o) in observations.iter().enumerate() {
+    let mut i = 0;
+    for o in observations {
         let count = o.equations();
-        let pose = evaluator.observe(o);
-        let mut units = DMatrix::zeros(count, n + 6);
-        let mut lift = vec![0.0; n];
-        for j in 0..n {
-            let twist = evaluator.joint_twist(j);
-            squares[j] += twist.linear.norm_squared();
-            lift[j] = down.map_or(0.0, |d| d.dot(&twist.linear));
-            evaluator.spread(
-                o,
-                &twist,
-                &mut units.as_mut_slice()[j * count..(j + 1) * count],
-            );
-        }
-        for axis in 0..6 {
-            let twist = base_twist(arm, o, &pose.translation, axis);
-            let at = (n + axis) * count;
-            evaluator.spread(o, &twist, &mut units.as_mut_slice()[at..at + count]);
-        }
-        let mut early = DVector::zeros(count);
-        evaluator.spread(o, &evaluator.early_twist(o), early.as_mut_slice());
-        let mut k = 0;
-        for f in &functions {
-            let value = f.values[i];
-            for mover in &f.movers {
-                let mut column = columns.view_mut((start, k), (count, 1));
-                match *mover {
-                    Mover::Joint(j) => column.copy_from(&(units.column(j) * value)),
-                    Mover::Base(axis) => column.copy_from(&(units.column(n + axis) * value)),
-                    Mover::LastMove => column.copy_from(&early),
-                    Mover::Length(_) => {}
-                }
-                k += 1;
+        evaluator.each_posture(o, |evaluator, posture| {
+            let tool = evaluator.tool_point();
+            let mut units = DMatrix::zeros(count, n + 6);
+            let mut lift = vec![0.0; n];
+            for j in 0..n {
+                let twist = evaluator.joint_twist(j);
+                squares[j] += twist.linear.norm_squared();
+                lift[j] = down.map_or(0.0, |d| d.dot(&twist.linear));
+                let out = &mut units.as_mut_slice()[j * count..(j + 1) * count];
+                posture.spread(evaluator, &twist, out);
             }
-        }
-        for (at, shape) in shapes.iter().enumerate().skip(levers_from) {
-            let Mover::Joint(j) = shape.mover else {
-                continue;
-            };
-            let load = match shape.subject {
-                Subject::Payload => o.ambient.payload,
-                _ => 1.0,
-            };
-            columns
-                .view_mut((start, at), (count, 1))
-                .copy_from(&(units.column(j) * (lift[j] * load)));
-        }
-        solvers.push(solver(&units.columns(0, n).into_owned()));
+            for axis in 0..6 {
+                let twist = base_twist(arm, posture.at, &tool, axis);
+                let at = (n + axis) * count;
+                posture.spread(evaluator, &twist, &mut units.as_mut_slice()[at..at + count]);
+            }
+            let mut early = DVector::zeros(count);
+            posture.spread(
+                evaluator,
+                &evaluator.early_twist(posture.at),
+                early.as_mut_slice(),
+            );
+            let mut k = 0;
+            for f in &functions {
+                let value = f.values[i];
+                for mover in &f.movers {
+                    let mut column = columns.view_mut((start, k), (count, 1));
+                    match *mover {
+                        Mover::Joint(j) => column += units.column(j) * value,
+                        Mover::Base(axis) => column += units.column(n + axis) * value,
+                        Mover::LastMove => column += &early,
+                        Mover::Length(_) => {}
+                    }
+                    k += 1;
+                }
+            }
+            for (at, shape) in shapes.iter().enumerate().skip(levers_from) {
+                let Mover::Joint(j) = shape.mover else {
+                    continue;
+                };
+                let load = match shape.subject {
+                    Subject::Payload => posture.at.ambient.payload,
+                    _ => 1.0,
+                };
+                let mut column = columns.view_mut((start, at), (count, 1));
+                column += units.column(j) * (lift[j] * load);
+            }
+            if posture.is_own() {
+                solvers.push(solver(&units.columns(0, n).into_owned()));
+            }
+            i += 1;
+        });
         start += count;
     }
     let lengths = lengths(arm, observations, sigmas, &mut shapes);
@@ -326,7 +333,7 @@ pub(super) fn design(arm: &ArmModel, observations: &[&Observation], sigmas: Sigm
     columns
         .columns_mut(before, lengths.ncols())
         .copy_from(&lengths);
-    let rows = observations.len().max(1) as f64;
+    let rows = postures.len().max(1) as f64;
     Design {
         shapes,
         columns,
