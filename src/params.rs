@@ -8,7 +8,6 @@ mod body;
 mod check;
 mod error;
 mod load;
-mod numbers;
 
 use heapless::{String, Vec};
 use nalgebra::Vector3;
@@ -21,6 +20,7 @@ use crate::taught::Taught;
 use crate::{Joint, Pose, Scalar, Settings, StoredPose};
 
 pub use error::BlobError;
+pub(crate) use load::Load;
 
 /// Joints that a blob can hold.
 pub const MAX_JOINTS: usize = 12;
@@ -52,11 +52,13 @@ pub const LARGEST: f64 = 1e9;
 static CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 /// CRC-32 of `bytes`, as blobs, slots and frames carry it (ISO-HDLC, the one of zlib).
+#[inline(never)]
 pub fn checksum(bytes: &[u8]) -> u32 {
     CRC.checksum(bytes)
 }
 
 /// [`checksum`] of what has the checksum `crc`, followed by `bytes`; that of nothing is 0.
+#[inline(never)]
 pub fn checksum_onwards(crc: u32, bytes: &[u8]) -> u32 {
     let mut digest = CRC.digest_with_initial((!crc).reverse_bits());
     digest.update(bytes);
@@ -222,10 +224,10 @@ impl<'a> Blob<'a> {
     pub fn decode(bytes: &'a [u8]) -> Result<Self, BlobError> {
         let (layout, joints, body) = open(bytes)?;
         check::check(body, layout, joints)?;
-        let (mut blob, rest) =
-            postcard::take_from_bytes::<Self>(body).map_err(|_| BlobError::Body)?;
+        let mut body = body::Body::new(body);
+        let mut blob: Self = body.take()?;
         if layout > WITHOUT_TABLES {
-            blob.taught = postcard::from_bytes(rest).map_err(|_| BlobError::Body)?;
+            blob.taught = body.take()?;
         }
         Ok(blob)
     }

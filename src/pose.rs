@@ -309,6 +309,10 @@ pub(crate) fn columns<T: Scalar>(rotation: &Matrix3<T>) -> [Vector3<T>; 3] {
 /// Two axes after a turn by `angle` (rad) that leads from the first to the second.
 #[inline(never)]
 fn turned<T: Scalar>(first: &Vector3<T>, second: &Vector3<T>, angle: T) -> [Vector3<T>; 2] {
+    // Most links have some: not to turn is cheaper than to turn by nothing.
+    if angle.is_zero() {
+        return [*first, *second];
+    }
     let (s, c) = angle.sincos();
     [first * c + second * s, second * c - first * s]
 }

@@ -2,12 +2,14 @@
 
 use nalgebra::RealField;
 
+use crate::params::Load;
+
 /// A real number that the whole model is written in, implemented for `f32` and `f64`.
 ///
 /// Everything here uses additions, multiplications, divisions and exactly rounded square
 /// roots in a fixed order and never a fused multiply-add, so host and target agree in every
 /// bit for the same type.
-pub trait Scalar: RealField + Copy {
+pub trait Scalar: RealField + Copy + Load {
     /// Distance from 1 to the next number above it.
     const EPSILON: Self;
 

@@ -226,7 +226,13 @@ macro_rules! effects {
             /// `joints`: what a decoded effect has to be.
             #[inline(never)]
             pub fn is_sound(&self, joints: usize) -> bool {
-                match self { $(Self::$name(e) => is_sound(e, joints)),+ }
+                // Not by the contract's table, which would bring every function of every effect
+                // into a program that only reads a blob.
+                let (values, constants, selector) = match self {
+                    $(Self::$name(e) => (e.values(), e.constants(), e.selector())),+
+                };
+                values.iter().chain(constants).all(|x| x.finite())
+                    && [selector.joint, selector.from].iter().flatten().all(|&j| j < joints)
             }
 
             /// When it is evaluated.
@@ -298,18 +304,6 @@ effects! { 'a:
     PrismaticStraightness,
     /// See [`Unnamed`].
     Unnamed,
-}
-
-/// See [`Effect::is_sound`]. Not by the contract's table, which would bring every function of
-/// every effect into a program that only reads a blob.
-fn is_sound<T: Scalar>(model: &impl EffectModel<T>, joints: usize) -> bool {
-    let selector = model.selector();
-    model.values().iter().all(|x| x.finite())
-        && model.constants().iter().all(|x| x.finite())
-        && [selector.joint, selector.from]
-            .iter()
-            .flatten()
-            .all(|&j| j < joints)
 }
 
 /// The turn of everything beyond joint `j` about (or, prismatic, the slide along) its own

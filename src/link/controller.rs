@@ -82,13 +82,40 @@ impl<'n> Link<'n> {
         S: Read + ReadReady + Write + WriteReady,
         M: Memory,
     {
+        let largest = store.room().min(room.len());
+        let event = match self.exchange(stream, largest, room, tally)? {
+            Exchange::Done(event) => return Ok(event),
+            Exchange::More(event) => event,
+        };
+        let Some(work) = self.desk.work(store, room) else {
+            return Ok(event);
+        };
+        if let Some((number, reply)) = work.reply {
+            self.send(number, reply);
+        }
+        Ok(work.event)
+    }
+
+    /// What has to do with the stream, whatever the memory is. `largest`: blob that can be
+    /// taken, bytes.
+    #[inline(never)]
+    fn exchange<S>(
+        &mut self,
+        stream: &mut S,
+        largest: usize,
+        room: &mut [u8],
+        tally: &Tally,
+    ) -> Result<Exchange, S::Error>
+    where
+        S: Read + ReadReady + Write + WriteReady,
+    {
         if let Some(rest @ [_, ..]) = self.out.bytes().get(self.sent..) {
             if !stream.write_ready()? {
-                return Ok(Event::Idle);
+                return Ok(Exchange::Done(Event::Idle));
             }
             let piece = rest.get(..PIECE).unwrap_or(rest);
             self.sent += stream.write(piece)?;
-            return Ok(Event::Worked);
+            return Ok(Exchange::Done(Event::Worked));
         }
         if self.next >= self.end && stream.read_ready()? {
             (self.next, self.end) = (0, 0);
@@ -99,25 +126,28 @@ impl<'n> Link<'n> {
             self.next += 1;
             event = Event::Worked;
             if let Some(frame) = self.decoder.feed(byte) {
-                let largest = store.room().min(room.len());
                 if let Some((number, reply)) = self.desk.answer(frame, largest, room, tally) {
-                    (self.out, self.sent) = (framed(number, reply), 0);
+                    self.send(number, reply);
                 }
-                return Ok(event);
+                return Ok(Exchange::Done(event));
             }
         }
-        if let Some(work) = self.desk.work(store, room) {
-            event = work.event;
-            if let Some((number, reply)) = work.reply {
-                (self.out, self.sent) = (framed(number, reply), 0);
-            }
-        }
-        Ok(event)
+        Ok(Exchange::More(event))
+    }
+
+    /// Makes an answer ready to go out.
+    #[inline(never)]
+    fn send(&mut self, number: u16, reply: Reply<'_>) {
+        // No answer is longer than a frame: its names are short.
+        self.out = Frame::of(&Answer { number, reply }).unwrap_or(Frame::empty());
+        self.sent = 0;
     }
 }
 
-/// An answer, ready to go out.
-fn framed(number: u16, reply: Reply<'_>) -> Frame {
-    // No answer is longer than a frame: its names are short.
-    Frame::of(&Answer { number, reply }).unwrap_or(Frame::empty())
+/// What came of looking at the stream.
+enum Exchange {
+    /// That was the piece of work.
+    Done(Event),
+    /// Nothing was answered: there is time for other work.
+    More(Event),
 }

@@ -1,9 +1,9 @@
 //! Everything that `docs/BLOB.md` promises of a body, looked at while going through it once.
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::body::Body;
-use super::{BlobError, LABEL, MAX_JOINTS, NAME, UNLIMITED, WITHOUT_TABLES, numbers};
+use super::{BlobError, LABEL, MAX_JOINTS, NAME, UNLIMITED, WITHOUT_TABLES};
 use crate::chain::LinkMass;
 use crate::effects::Effect;
 use crate::model::MAX_EFFECTS;
@@ -18,8 +18,6 @@ struct Examination<'a> {
     joints: usize,
     /// Lists of another length than that.
     lists: Option<BlobError>,
-    /// Numbers that are none.
-    numbers: Option<BlobError>,
     /// Values that cannot be meant.
     meaning: Option<BlobError>,
 }
@@ -31,7 +29,6 @@ pub(super) fn check(body: &[u8], layout: u16, joints: usize) -> Result<(), BlobE
         body: Body::new(body),
         joints,
         lists: None,
-        numbers: None,
         meaning: None,
     };
     if joints == 0 {
@@ -54,11 +51,12 @@ pub(super) fn check(body: &[u8], layout: u16, joints: usize) -> Result<(), BlobE
     look.note(settings.sound(), BlobError::Settings);
     look.provenance()?;
     look.taught(layout, settings.method)?;
-    let bytes = look.body.rest()?;
+    let bytes = look.body.rest();
     if bytes != 0 {
         return Err(BlobError::Trailing { bytes });
     }
-    match look.lists.or(look.numbers).or(look.meaning) {
+    let numbers = look.body.unsound().then_some(BlobError::Number);
+    match look.lists.or(numbers).or(look.meaning) {
         None => Ok(()),
         Some(refusal) => Err(refusal),
     }
@@ -70,13 +68,8 @@ fn number(j: usize) -> u8 {
 }
 
 impl<'a> Examination<'a> {
-    /// The next piece; its numbers are looked at.
-    fn take<V: Deserialize<'a> + Serialize>(&mut self) -> Result<V, BlobError> {
-        let piece = self.body.take()?;
-        if let Err(refusal) = numbers::check(&piece) {
-            self.numbers.get_or_insert(refusal);
-        }
-        Ok(piece)
+    fn take<V: Deserialize<'a>>(&mut self) -> Result<V, BlobError> {
+        self.body.take()
     }
 
     /// Length of a list of joints.

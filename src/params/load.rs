@@ -1,7 +1,8 @@
 //! From the bytes of a body to the model of the loop, with little room: what is not in the
 //! model is there only while it is needed. Baked in `f64`, rounded once.
 
-use nalgebra::{Matrix3, Vector3};
+use heapless::Vec;
+use nalgebra::Vector3;
 
 use super::body::Body;
 use super::{BlobError, LABEL, NAME, WITHOUT_TABLES};
@@ -11,12 +12,69 @@ use crate::model::{BakedChain, MAX_EFFECTS, Model};
 use crate::taught::Taught;
 use crate::{Convention, Joint, JointKind, Pose, Scalar, Settings, StoredPose};
 
-/// An arm as it is described, at its bare size.
-struct Described<const N: usize> {
+/// An arm as it is described and as it is baked, at its bare size. Every slice has one place a
+/// joint.
+struct Described<'r> {
+    joints: &'r mut [Joint<f64>],
+    masses: &'r mut [LinkMass<f64>],
+    baked: &'r mut [BakedJoint<f64>],
+    gauges: &'r mut [Gauge<f64>],
     base: Pose<f64>,
-    joints: [Joint<f64>; N],
     tool: Pose<f64>,
+    baked_base: Pose<f64>,
+    baked_tool: Pose<f64>,
 }
+
+/// Where a model's parts go, and room for what they are made from; every slice has one place a
+/// joint.
+#[derive(Debug)]
+pub struct Parts<'m, 'a, T: Scalar> {
+    nominal: ChainParts<'m, T>,
+    calibrated: ChainParts<'m, T>,
+    effects: &'m mut Vec<Effect<'a, T>, MAX_EFFECTS>,
+    limits: &'m mut [[T; 2]],
+    resolution: &'m mut [T],
+    settings: &'m mut Settings<T>,
+    taught: &'m mut Taught<'a, T>,
+    joints: &'m mut [Joint<f64>],
+    masses: &'m mut [LinkMass<f64>],
+    baked: &'m mut [BakedJoint<f64>],
+    gauges: &'m mut [Gauge<f64>],
+}
+
+#[derive(Debug)]
+struct ChainParts<'m, T: Scalar> {
+    base: &'m mut Pose<T>,
+    joints: &'m mut [BakedJoint<T>],
+    tool: &'m mut Pose<T>,
+    gravity: &'m mut Vector3<T>,
+}
+
+/// A number type that models can be loaded in. Behind a trait's function the loading is in a
+/// program once for each type, and compiled with this crate, not with its caller.
+pub trait Load: Sized {
+    /// Fills a model from a body of `layout` that [`super::check::check`] has let pass.
+    fn load<'a>(bytes: &'a [u8], layout: u16, into: Parts<'_, 'a, Self>) -> Result<(), BlobError>
+    where
+        Self: Scalar;
+}
+
+macro_rules! load_in {
+    ($($type:ty),+) => {
+        $(impl Load for $type {
+            #[inline(never)]
+            fn load<'a>(
+                bytes: &'a [u8],
+                layout: u16,
+                into: Parts<'_, 'a, Self>,
+            ) -> Result<(), BlobError> {
+                fill(bytes, layout, into)
+            }
+        })+
+    };
+}
+
+load_in!(f32, f64);
 
 /// Fills `model` from a body of `layout` that [`super::check::check`] has let pass for N joints.
 #[inline(never)]
@@ -25,121 +83,151 @@ pub(super) fn load<'a, T: Scalar, const N: usize>(
     layout: u16,
     model: &mut Model<'a, T, N>,
 ) -> Result<(), BlobError> {
+    T::load(
+        bytes,
+        layout,
+        Parts {
+            nominal: ChainParts::of(&mut model.nominal),
+            calibrated: ChainParts::of(&mut model.calibrated),
+            effects: &mut model.effects,
+            limits: &mut model.limits,
+            resolution: &mut model.resolution,
+            settings: &mut model.settings,
+            taught: &mut model.taught,
+            joints: &mut [Joint::new(JointKind::Revolute, Convention::Dh); N],
+            masses: &mut [LinkMass::none(); N],
+            baked: &mut [BakedJoint::identity(); N],
+            gauges: &mut [Pose::identity(); N],
+        },
+    )
+}
+
+/// See [`Load::load`]. What each of the three needs of the stack is free again after it.
+fn fill<'a, T: Scalar>(
+    bytes: &'a [u8],
+    layout: u16,
+    mut into: Parts<'_, 'a, T>,
+) -> Result<(), BlobError> {
     let mut body = Body::new(bytes);
     body.text(NAME)?;
-    arm(&mut body, model)?;
-    model.settings = body.take::<Settings<f64>>()?.cast();
-    taught(&mut body, layout, model)
+    arm(&mut body, &mut into)?;
+    *into.settings = body.take::<Settings<f64>>()?.cast();
+    taught(&mut body, layout, into.taught)
 }
 
-/// Both chains, and the effects attached to the calibrated one. The descriptions take most of
-/// the room; it is free again when this returns.
+/// Both chains, and the effects attached to the calibrated one.
 #[inline(never)]
-fn arm<'a, T: Scalar, const N: usize>(
+fn arm<'a, T: Scalar>(
     body: &mut Body<'a>,
-    model: &mut Model<'a, T, N>,
+    into: &mut Parts<'_, 'a, T>,
 ) -> Result<(), BlobError> {
     let mut arm = Described {
+        joints: into.joints,
+        masses: into.masses,
+        baked: into.baked,
+        gauges: into.gauges,
         base: Pose::identity(),
-        joints: [Joint::new(JointKind::Revolute, Convention::Dh); N],
         tool: Pose::identity(),
+        baked_base: Pose::identity(),
+        baked_tool: Pose::identity(),
     };
-    let mut gauges = [Pose::identity(); N];
-    arm.read(body, &mut model.nominal, &mut gauges)?;
+    arm.read(body)?;
+    into.nominal.round(&arm);
     let nominal = arm.base.rotation;
-    let base = arm.read(body, &mut model.calibrated, &mut gauges)?;
-    commands(body, model, [&nominal, &arm.base.rotation])?;
-    let described = Description {
-        base: &base.inverse().then(&arm.base),
-        joints: &arm.joints,
-        gauges: &gauges,
-        tool: &arm.tool,
-    };
-    model.effects.clear();
-    for _ in 0..body.count(MAX_EFFECTS)? {
-        let effect = effect(body, &described)?;
-        model.effects.push(effect).map_err(|_| BlobError::Body)?;
+    arm.read(body)?;
+    into.calibrated.round(&arm);
+    body.exactly(into.limits.len())?;
+    for limits in into.limits.iter_mut() {
+        *limits = body.take::<[f64; 2]>()?.map(T::of);
     }
-    Ok(())
-}
-
-impl<const N: usize> Described<N> {
-    /// Reads a description and bakes it. Returns the baked base.
-    #[inline(never)]
-    fn read<T: Scalar>(
-        &mut self,
-        body: &mut Body<'_>,
-        chain: &mut BakedChain<T, N>,
-        gauges: &mut [Gauge<f64>; N],
-    ) -> Result<Pose<f64>, BlobError> {
-        let mut masses = [LinkMass::none(); N];
-        let mut joints = [BakedJoint::identity(); N];
-        self.base = Pose::from(&body.take::<StoredPose>()?);
-        body.list(&mut self.joints)?;
-        body.list(&mut masses)?;
-        self.tool = Pose::from(&body.take::<StoredPose>()?);
-        let (base, tool) = bake(
-            &self.base,
-            &self.joints,
-            &masses,
-            &self.tool,
-            &mut joints,
-            gauges,
-        );
-        for (to, from) in chain.joints.iter_mut().zip(&joints) {
-            *to = from.cast();
-        }
-        chain.base = base.cast();
-        chain.tool = tool.cast();
-        Ok(base)
+    body.exactly(into.resolution.len())?;
+    for resolution in into.resolution.iter_mut() {
+        *resolution = T::of(body.take()?);
     }
-}
-
-/// Limits, resolutions and gravity, which turns with the described bases.
-#[inline(never)]
-fn commands<T: Scalar, const N: usize>(
-    body: &mut Body<'_>,
-    model: &mut Model<'_, T, N>,
-    [nominal, calibrated]: [&Matrix3<f64>; 2],
-) -> Result<(), BlobError> {
-    let mut limits = [[0.0; 2]; N];
-    body.list(&mut limits)?;
-    model.limits = limits.map(|both| both.map(T::of));
-    let mut resolution = [0.0; N];
-    body.list(&mut resolution)?;
-    model.resolution = resolution.map(T::of);
     let gravity = Vector3::from(body.take::<[f64; 3]>()?);
-    model.nominal.gravity = (nominal * gravity).map(T::of);
-    model.calibrated.gravity = (calibrated * gravity).map(T::of);
+    *into.nominal.gravity = (nominal * gravity).map(T::of);
+    *into.calibrated.gravity = (arm.base.rotation * gravity).map(T::of);
+    // From here on the described base as it is seen from the baked one, which effects want.
+    arm.base = arm.baked_base.inverse().then(&arm.base);
+    into.effects.clear();
+    for _ in 0..body.count(MAX_EFFECTS)? {
+        let effect = arm.effect(body)?;
+        into.effects
+            .push(effect.cast())
+            .map_err(|_| BlobError::Body)?;
+    }
     Ok(())
 }
 
 /// Tables, which stand behind the provenance.
 #[inline(never)]
-fn taught<'a, T: Scalar, const N: usize>(
+fn taught<'a, T: Scalar>(
     body: &mut Body<'a>,
     layout: u16,
-    model: &mut Model<'a, T, N>,
+    into: &mut Taught<'a, T>,
 ) -> Result<(), BlobError> {
-    model.taught = Taught::default();
-    if layout > WITHOUT_TABLES {
-        body.text(LABEL)?;
-        body.text(NAME)?;
-        body.text(LABEL)?;
-        body.take::<[u32; 2]>()?;
-        body.take::<[f64; 2]>()?;
-        model.taught = body.take::<Taught<'a, f64>>()?.cast();
+    if layout == WITHOUT_TABLES {
+        *into = Taught::default();
+        return Ok(());
     }
+    body.text(LABEL)?;
+    body.text(NAME)?;
+    body.text(LABEL)?;
+    body.take::<[u32; 2]>()?;
+    body.take::<[f64; 2]>()?;
+    *into = body.take::<Taught<'a, f64>>()?.cast();
     Ok(())
 }
 
-/// The next effect, attached to the arm.
-#[inline(never)]
-fn effect<'a, T: Scalar>(
-    body: &mut Body<'a>,
-    described: &Description<'_, f64>,
-) -> Result<Effect<'a, T>, BlobError> {
-    let mut effect: Effect<'a, f64> = body.take()?;
-    effect.attach(described);
-    Ok(effect.cast())
+impl<'m, T: Scalar> ChainParts<'m, T> {
+    fn of<const N: usize>(chain: &'m mut BakedChain<T, N>) -> Self {
+        Self {
+            base: &mut chain.base,
+            joints: &mut chain.joints,
+            tool: &mut chain.tool,
+            gravity: &mut chain.gravity,
+        }
+    }
+
+    /// Sets all but gravity, rounded once.
+    fn round(&mut self, arm: &Described<'_>) {
+        for (to, from) in self.joints.iter_mut().zip(arm.baked.iter()) {
+            *to = from.cast();
+        }
+        *self.base = arm.baked_base.cast();
+        *self.tool = arm.baked_tool.cast();
+    }
+}
+
+impl Described<'_> {
+    /// Reads a description and bakes it.
+    #[inline(never)]
+    fn read(&mut self, body: &mut Body<'_>) -> Result<(), BlobError> {
+        self.base = Pose::from(&body.take::<StoredPose>()?);
+        body.list(self.joints)?;
+        body.list(self.masses)?;
+        self.tool = Pose::from(&body.take::<StoredPose>()?);
+        (self.baked_base, self.baked_tool) = bake(
+            &self.base,
+            self.joints,
+            self.masses,
+            &self.tool,
+            self.baked,
+            self.gauges,
+        );
+        Ok(())
+    }
+
+    /// The next effect, attached to the arm.
+    #[inline(never)]
+    fn effect<'a>(&self, body: &mut Body<'a>) -> Result<Effect<'a, f64>, BlobError> {
+        let mut effect: Effect<'a, f64> = body.take()?;
+        effect.attach(&Description {
+            base: &self.base,
+            joints: self.joints,
+            gauges: self.gauges,
+            tool: &self.tool,
+        });
+        Ok(effect)
+    }
 }

@@ -17,6 +17,7 @@ pub(super) struct Record {
 }
 
 impl Record {
+    #[inline(never)]
     pub(super) fn bytes(&self) -> [u8; RECORD] {
         let mut bytes = [0; RECORD];
         let fields = self.sequence.to_le_bytes().into_iter();
@@ -34,6 +35,7 @@ impl Record {
     }
 
     /// `None` if `bytes` are not a whole record.
+    #[inline(never)]
     pub(super) fn from_bytes(bytes: &[u8; RECORD]) -> Option<Self> {
         let [a, b, c, d, e, f, g, h, i, j, k, l, ..] = *bytes;
         let record = Self {

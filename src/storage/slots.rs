@@ -77,6 +77,7 @@ impl<M: Memory> Store<M> {
     ///
     /// Call it once, at the start: before, nothing can be kept. It waits for the memory. The
     /// blob is checked as [`examine`] does.
+    #[inline(never)]
     pub fn load(&mut self, room: &mut [u8]) -> Result<Option<Stored>, StorageError<M::Error>> {
         let (first, second) = (self.record_of(0)?, self.record_of(1)?);
         let swapped = match (&first, &second) {
@@ -125,6 +126,7 @@ impl<M: Memory> Store<M> {
     }
 
     /// The record of a slot, from whichever of its two places holds one.
+    #[inline(never)]
     fn record_of(&mut self, slot: usize) -> Result<Option<Record>, StorageError<M::Error>> {
         for copy in 0..2 {
             let mut bytes = [0; RECORD];
@@ -153,6 +155,7 @@ impl<M: Memory> Store<M> {
     }
 
     /// Reads any number of bytes from the beginning of a word on.
+    #[inline(never)]
     pub(super) fn read(
         &mut self,
         address: usize,
@@ -179,6 +182,7 @@ impl<M: Memory> Store<M> {
     }
 
     /// Writes at most a page from the beginning of a word on; the last word is filled up.
+    #[inline(never)]
     pub(super) fn write(
         &mut self,
         address: usize,

@@ -93,6 +93,7 @@ impl<M: Memory> Store<M> {
     /// or writes one record. `blob`: the bytes that it was begun with; others are written, but
     /// never made current. After an error the old blob is still the current one, and another
     /// update may be begun.
+    #[inline(never)]
     pub fn step(
         &mut self,
         update: &mut Update,
@@ -191,6 +192,7 @@ impl<M: Memory> Store<M> {
 
     /// Writes the second record of a slot if it lacks it and can take it. A precaution: where
     /// it fails, as in a word that a cut left blank and used up, the first record stands alone.
+    #[inline(never)]
     fn write_copy(&mut self, slot: usize, record: &Record) {
         let address = self.record_address(slot, 1);
         let mut there = [0; RECORD];
