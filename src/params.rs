@@ -288,9 +288,9 @@ pub fn examine(bytes: &[u8]) -> Result<(&str, usize), BlobError> {
 
 /// Reads a blob on the controller.
 ///
-/// `T`: number type of the loop, `N`: number of joints of the arm. Needs no heap; stack beside
-/// the model: `decode` in `docs/COST.md`. Anything wrong is refused by name, see
-/// [`BlobError`].
+/// `T`: number type of the loop, `N`: number of joints of the arm. Needs no heap; what
+/// [`decode_into`] takes of the stack beside the model: `decode` in `docs/COST.md`. Anything
+/// wrong is refused by name, see [`BlobError`].
 ///
 /// ```
 /// # fn f(flash: &[u8]) -> Result<(), truepose::params::BlobError> {

@@ -13,7 +13,8 @@ use super::{BlobError, LARGEST};
 
 /// A place in the body. Pieces are taken in the order of the layout, which is postcard's. Every
 /// real number is looked at as it passes, so that no new field or effect can be forgotten.
-pub(super) struct Body<'a> {
+#[derive(Debug)]
+pub struct Body<'a> {
     rest: &'a [u8],
     /// Whether a number has passed that is not finite or larger than [`LARGEST`].
     unsound: bool,
@@ -21,7 +22,7 @@ pub(super) struct Body<'a> {
 
 /// The bytes do not follow the layout, or a type was asked for that no layout has.
 #[derive(Debug)]
-pub(super) struct Unreadable;
+pub struct Unreadable;
 
 impl fmt::Display for Unreadable {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -283,10 +284,7 @@ impl<'a> EnumAccess<'a> for &mut Body<'a> {
     type Error = Unreadable;
     type Variant = Self;
 
-    fn variant_seed<S: DeserializeSeed<'a>>(
-        self,
-        seed: S,
-    ) -> Result<(S::Value, Self), Unreadable> {
+    fn variant_seed<S: DeserializeSeed<'a>>(self, seed: S) -> Result<(S::Value, Self), Unreadable> {
         let number: u32 = self.varint(32)?;
         let variant = seed.deserialize(number.into_deserializer())?;
         Ok((variant, self))
@@ -300,10 +298,7 @@ impl<'a> VariantAccess<'a> for &mut Body<'a> {
         Ok(())
     }
 
-    fn newtype_variant_seed<S: DeserializeSeed<'a>>(
-        self,
-        seed: S,
-    ) -> Result<S::Value, Unreadable> {
+    fn newtype_variant_seed<S: DeserializeSeed<'a>>(self, seed: S) -> Result<S::Value, Unreadable> {
         seed.deserialize(self)
     }
 

@@ -7,7 +7,7 @@ use super::{BlobError, LABEL, MAX_JOINTS, NAME, UNLIMITED, WITHOUT_TABLES};
 use crate::chain::LinkMass;
 use crate::effects::Effect;
 use crate::model::MAX_EFFECTS;
-use crate::taught::Taught;
+use crate::taught::{self, Cmac, Polynomial};
 use crate::{Joint, JointKind, Method, Settings, StoredPose};
 
 /// A body under examination. The refusals rank as `docs/BLOB.md` orders them: what does not
@@ -135,15 +135,35 @@ impl<'a> Examination<'a> {
         Ok(())
     }
 
-    /// Tables, where the layout has any, and those that `method` needs.
+    /// Tables, where the layout has any, and those that `method` needs. Each is gone before the
+    /// next is taken.
     fn taught(&mut self, layout: u16, method: Method) -> Result<(), BlobError> {
-        let taught: Taught<'a, f64> = match layout {
-            WITHOUT_TABLES => Taught::default(),
-            _ => self.take()?,
-        };
-        self.note(taught.is_sound(self.joints), BlobError::Taught);
-        self.note(taught.has(method), BlobError::NotTaught);
+        let (mut polynomial, mut cmac) = (false, false);
+        if layout > WITHOUT_TABLES {
+            polynomial = self.polynomial()?;
+            cmac = self.cmac()?;
+        }
+        let there = taught::suffices(method, polynomial, cmac);
+        self.note(there, BlobError::NotTaught);
         Ok(())
+    }
+
+    /// Whether there are polynomials.
+    #[inline(never)]
+    fn polynomial(&mut self) -> Result<bool, BlobError> {
+        let polynomial: Option<Polynomial<'a, f64>> = self.take()?;
+        let sound = polynomial.as_ref().is_none_or(|p| p.is_sound(self.joints));
+        self.note(sound, BlobError::Taught);
+        Ok(polynomial.is_some())
+    }
+
+    /// Whether there are tables of cells.
+    #[inline(never)]
+    fn cmac(&mut self) -> Result<bool, BlobError> {
+        let cmac: Option<Cmac<'a, f64>> = self.take()?;
+        let sound = cmac.as_ref().is_none_or(|c| c.is_sound(self.joints));
+        self.note(sound, BlobError::Taught);
+        Ok(cmac.is_some())
     }
 
     fn provenance(&mut self) -> Result<(), BlobError> {

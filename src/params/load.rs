@@ -9,7 +9,7 @@ use super::{BlobError, LABEL, NAME, WITHOUT_TABLES};
 use crate::chain::{BakedJoint, Gauge, LinkMass, bake};
 use crate::effects::{Description, Effect};
 use crate::model::{BakedChain, MAX_EFFECTS, Model};
-use crate::taught::Taught;
+use crate::taught::{Cmac, Polynomial, Taught};
 use crate::{Convention, Joint, JointKind, Pose, Scalar, Settings, StoredPose};
 
 /// An arm as it is described and as it is baked, at its bare size. Every slice has one place a
@@ -25,8 +25,8 @@ struct Described<'r> {
     baked_tool: Pose<f64>,
 }
 
-/// Where a model's parts go, and room for what they are made from; every slice has one place a
-/// joint.
+/// Where the parts of a model go that are baked, and room for what they are made from; every
+/// slice has one place a joint.
 #[derive(Debug)]
 pub struct Parts<'m, 'a, T: Scalar> {
     nominal: ChainParts<'m, T>,
@@ -34,8 +34,6 @@ pub struct Parts<'m, 'a, T: Scalar> {
     effects: &'m mut Vec<Effect<'a, T>, MAX_EFFECTS>,
     limits: &'m mut [[T; 2]],
     resolution: &'m mut [T],
-    settings: &'m mut Settings<T>,
-    taught: &'m mut Taught<'a, T>,
     joints: &'m mut [Joint<f64>],
     masses: &'m mut [LinkMass<f64>],
     baked: &'m mut [BakedJoint<f64>],
@@ -50,11 +48,21 @@ struct ChainParts<'m, T: Scalar> {
     gravity: &'m mut Vector3<T>,
 }
 
-/// A number type that models can be loaded in. Behind a trait's function the loading is in a
+/// A number type that models can be loaded in. Behind a trait's functions the loading is in a
 /// program once for each type, and compiled with this crate, not with its caller.
 pub trait Load: Sized {
-    /// Fills a model from a body of `layout` that [`super::check::check`] has let pass.
-    fn load<'a>(bytes: &'a [u8], layout: u16, into: Parts<'_, 'a, Self>) -> Result<(), BlobError>
+    /// Takes what comes before the settings.
+    fn arm<'a>(body: &mut Body<'a>, into: Parts<'_, 'a, Self>) -> Result<(), BlobError>
+    where
+        Self: Scalar;
+
+    /// Takes the rest.
+    fn rest<'a>(
+        body: &mut Body<'a>,
+        layout: u16,
+        settings: &mut Settings<Self>,
+        taught: &mut Taught<'a, Self>,
+    ) -> Result<(), BlobError>
     where
         Self: Scalar;
 }
@@ -63,12 +71,22 @@ macro_rules! load_in {
     ($($type:ty),+) => {
         $(impl Load for $type {
             #[inline(never)]
-            fn load<'a>(
-                bytes: &'a [u8],
-                layout: u16,
+            fn arm<'a>(
+                body: &mut Body<'a>,
                 into: Parts<'_, 'a, Self>,
             ) -> Result<(), BlobError> {
-                fill(bytes, layout, into)
+                arm(body, into)
+            }
+
+            #[inline(never)]
+            fn rest<'a>(
+                body: &mut Body<'a>,
+                layout: u16,
+                settings: &mut Settings<Self>,
+                taught: &mut Taught<'a, Self>,
+            ) -> Result<(), BlobError> {
+                *settings = body.take::<Settings<f64>>()?.cast();
+                tables(body, layout, taught)
             }
         })+
     };
@@ -77,50 +95,40 @@ macro_rules! load_in {
 load_in!(f32, f64);
 
 /// Fills `model` from a body of `layout` that [`super::check::check`] has let pass for N joints.
-#[inline(never)]
 pub(super) fn load<'a, T: Scalar, const N: usize>(
     bytes: &'a [u8],
     layout: u16,
     model: &mut Model<'a, T, N>,
 ) -> Result<(), BlobError> {
-    T::load(
-        bytes,
-        layout,
-        Parts {
-            nominal: ChainParts::of(&mut model.nominal),
-            calibrated: ChainParts::of(&mut model.calibrated),
-            effects: &mut model.effects,
-            limits: &mut model.limits,
-            resolution: &mut model.resolution,
-            settings: &mut model.settings,
-            taught: &mut model.taught,
-            joints: &mut [Joint::new(JointKind::Revolute, Convention::Dh); N],
-            masses: &mut [LinkMass::none(); N],
-            baked: &mut [BakedJoint::identity(); N],
-            gauges: &mut [Pose::identity(); N],
-        },
-    )
-}
-
-/// See [`Load::load`]. What each of the three needs of the stack is free again after it.
-fn fill<'a, T: Scalar>(
-    bytes: &'a [u8],
-    layout: u16,
-    mut into: Parts<'_, 'a, T>,
-) -> Result<(), BlobError> {
     let mut body = Body::new(bytes);
     body.text(NAME)?;
-    arm(&mut body, &mut into)?;
-    *into.settings = body.take::<Settings<f64>>()?.cast();
-    taught(&mut body, layout, into.taught)
+    arm_of(&mut body, model)?;
+    T::rest(&mut body, layout, &mut model.settings, &mut model.taught)
+}
+
+/// The descriptions take most of the room; it is free again when this returns.
+#[inline(never)]
+fn arm_of<'a, T: Scalar, const N: usize>(
+    body: &mut Body<'a>,
+    model: &mut Model<'a, T, N>,
+) -> Result<(), BlobError> {
+    let parts = Parts {
+        nominal: ChainParts::of(&mut model.nominal),
+        calibrated: ChainParts::of(&mut model.calibrated),
+        effects: &mut model.effects,
+        limits: &mut model.limits,
+        resolution: &mut model.resolution,
+        joints: &mut [Joint::new(JointKind::Revolute, Convention::Dh); N],
+        masses: &mut [LinkMass::none(); N],
+        baked: &mut [BakedJoint::identity(); N],
+        gauges: &mut [Pose::identity(); N],
+    };
+    T::arm(body, parts)
 }
 
 /// Both chains, and the effects attached to the calibrated one.
 #[inline(never)]
-fn arm<'a, T: Scalar>(
-    body: &mut Body<'a>,
-    into: &mut Parts<'_, 'a, T>,
-) -> Result<(), BlobError> {
+fn arm<'a, T: Scalar>(body: &mut Body<'a>, mut into: Parts<'_, 'a, T>) -> Result<(), BlobError> {
     let mut arm = Described {
         joints: into.joints,
         masses: into.masses,
@@ -137,11 +145,11 @@ fn arm<'a, T: Scalar>(
     arm.read(body)?;
     into.calibrated.round(&arm);
     body.exactly(into.limits.len())?;
-    for limits in into.limits.iter_mut() {
+    for limits in into.limits {
         *limits = body.take::<[f64; 2]>()?.map(T::of);
     }
     body.exactly(into.resolution.len())?;
-    for resolution in into.resolution.iter_mut() {
+    for resolution in into.resolution {
         *resolution = T::of(body.take()?);
     }
     let gravity = Vector3::from(body.take::<[f64; 3]>()?);
@@ -159,15 +167,14 @@ fn arm<'a, T: Scalar>(
     Ok(())
 }
 
-/// Tables, which stand behind the provenance.
-#[inline(never)]
-fn taught<'a, T: Scalar>(
+/// Tables, which stand behind the provenance, each gone before the next is taken.
+fn tables<'a, T: Scalar>(
     body: &mut Body<'a>,
     layout: u16,
     into: &mut Taught<'a, T>,
 ) -> Result<(), BlobError> {
+    *into = Taught::default();
     if layout == WITHOUT_TABLES {
-        *into = Taught::default();
         return Ok(());
     }
     body.text(LABEL)?;
@@ -175,7 +182,24 @@ fn taught<'a, T: Scalar>(
     body.text(LABEL)?;
     body.take::<[u32; 2]>()?;
     body.take::<[f64; 2]>()?;
-    *into = body.take::<Taught<'a, f64>>()?.cast();
+    polynomial(body, into)?;
+    cmac(body, into)
+}
+
+#[inline(never)]
+fn polynomial<'a, T: Scalar>(
+    body: &mut Body<'a>,
+    into: &mut Taught<'a, T>,
+) -> Result<(), BlobError> {
+    let polynomial: Option<Polynomial<'a, f64>> = body.take()?;
+    into.polynomial = polynomial.as_ref().map(Polynomial::cast);
+    Ok(())
+}
+
+#[inline(never)]
+fn cmac<'a, T: Scalar>(body: &mut Body<'a>, into: &mut Taught<'a, T>) -> Result<(), BlobError> {
+    let cmac: Option<Cmac<'a, f64>> = body.take()?;
+    into.cmac = cmac.as_ref().map(Cmac::cast);
     Ok(())
 }
 

@@ -90,7 +90,7 @@ pub struct Cmac<'a, T: Scalar> {
 }
 
 impl<'a, T: Scalar> Cmac<'a, T> {
-    pub(super) fn is_sound(&self, joints: usize) -> bool {
+    pub(crate) fn is_sound(&self, joints: usize) -> bool {
         let words = self.layout.words(joints);
         let bytes = words.and_then(|w| w.checked_mul(2 * joints));
         self.region.is_sound(joints)
@@ -100,7 +100,7 @@ impl<'a, T: Scalar> Cmac<'a, T> {
             && bytes == Some(self.table.len())
     }
 
-    pub(super) fn cast<U: Scalar>(&self) -> Cmac<'a, U> {
+    pub(crate) fn cast<U: Scalar>(&self) -> Cmac<'a, U> {
         Cmac {
             region: self.region.cast(),
             layout: self.layout,

@@ -64,17 +64,7 @@ impl<'a, T: Scalar> Taught<'a, T> {
 
     /// Whether `method` finds what it needs.
     pub fn has(&self, method: Method) -> bool {
-        match method {
-            Method::InverseJacobian | Method::Lqr | Method::TaskPoint => true,
-            Method::Polynomial => self.polynomial.is_some(),
-            Method::Cmac => self.cmac.is_some(),
-        }
-    }
-
-    /// Whether an arm of `joints` joints can use what there is.
-    pub fn is_sound(&self, joints: usize) -> bool {
-        self.polynomial.as_ref().is_none_or(|p| p.is_sound(joints))
-            && self.cmac.as_ref().is_none_or(|c| c.is_sound(joints))
+        suffices(method, self.polynomial.is_some(), self.cmac.is_some())
     }
 
     /// The same in another number type, rounded once; the tables stay where they are.
@@ -83,6 +73,15 @@ impl<'a, T: Scalar> Taught<'a, T> {
             polynomial: self.polynomial.as_ref().map(Polynomial::cast),
             cmac: self.cmac.as_ref().map(Cmac::cast),
         }
+    }
+}
+
+/// Whether `method` finds what it needs where there are polynomials or a CMAC, or neither.
+pub(crate) fn suffices(method: Method, polynomial: bool, cmac: bool) -> bool {
+    match method {
+        Method::InverseJacobian | Method::Lqr | Method::TaskPoint => true,
+        Method::Polynomial => polynomial,
+        Method::Cmac => cmac,
     }
 }
 

@@ -88,7 +88,7 @@ pub fn exponents(inputs: usize, degree: usize) -> impl Iterator<Item = [u8; MAX_
 }
 
 impl<'a, T: Scalar> Polynomial<'a, T> {
-    pub(super) fn is_sound(&self, joints: usize) -> bool {
+    pub(crate) fn is_sound(&self, joints: usize) -> bool {
         let inputs = self.joints.region.inputs();
         let rest = joints.saturating_sub(inputs);
         let tool = self.tool.as_ref();
@@ -97,7 +97,7 @@ impl<'a, T: Scalar> Polynomial<'a, T> {
             && tool.is_none_or(|tool| rest > 0 && tool.is_sound(rest, 3))
     }
 
-    pub(super) fn cast<U: Scalar>(&self) -> Polynomial<'a, U> {
+    pub(crate) fn cast<U: Scalar>(&self) -> Polynomial<'a, U> {
         Polynomial {
             joints: self.joints.cast(),
             tool: self.tool.as_ref().map(Block::cast),
