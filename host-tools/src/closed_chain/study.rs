@@ -71,6 +71,21 @@ impl Study {
         })
     }
 
+    /// By how much O1 to O4 grow from the lowest to the highest of `classes` of sets, each
+    /// sorted by the index itself: medians, which no single set decides.
+    pub fn growth(&self, classes: usize) -> [f64; 4] {
+        [0, 1, 2, 3].map(|k| {
+            let mut values: Vec<f64> = self.sets.iter().map(|set| set[k]).collect();
+            values.sort_by(f64::total_cmp);
+            let half = values.len() / (2 * classes.max(1));
+            let from_end = values.len().saturating_sub(half + 1);
+            match (values.get(half), values.get(from_end)) {
+                (Some(low), Some(high)) => high / low,
+                _ => f64::NAN,
+            }
+        })
+    }
+
     /// Sets sorted by an index (0 to 3 for O1 to O4) into `classes` of one size; of each, the
     /// error that one set in a hundred exceeds: the upper envelope of NH figures 3 and 4.
     pub fn envelope(&self, index: usize, classes: usize) -> Vec<f64> {
