@@ -62,8 +62,13 @@ impl Attached {
     }
 
     /// Displacement of the tool per scaled unit of every unknown taken in, world axes at the
-    /// tool point.
-    pub(super) fn twists(&mut self, at: &At<'_>, mut each: impl FnMut(usize, Twist<f64>)) {
+    /// tool point; their turns only where `turns`, zero otherwise.
+    pub(super) fn twists(
+        &mut self,
+        at: &At<'_>,
+        turns: bool,
+        mut each: impl FnMut(usize, Twist<f64>),
+    ) {
         self.slots.clear();
         let slot = |rotation: &Matrix3<f64>, origin: &Vector3<f64>| Slot {
             rotation: *rotation,
@@ -80,7 +85,11 @@ impl Attached {
                 continue;
             };
             let linear = slot.rotation * (part.linear + part.angular.cross(&slot.lever));
-            let mut twist = Twist::new(linear, slot.rotation * part.angular);
+            let angular = match turns {
+                true => slot.rotation * part.angular,
+                false => Vector3::zeros(),
+            };
+            let mut twist = Twist::new(linear, angular);
             if let Some((column, before)) = sum.take() {
                 if column == part.column {
                     twist = twist.plus(&before);

@@ -413,7 +413,9 @@ impl<'a> Evaluator<'a> {
             frames: &self.frames,
             tool: &self.pose.translation,
         };
-        attached.twists(&at, each);
+        // points that the tool carries beside its own, and orientations, follow its turns
+        let turns = o.rotation.is_some() || !o.targets.is_empty();
+        attached.twists(&at, turns, each);
     }
 
     /// Displacement of the tool per unit of an unknown that moves it, at the observation last

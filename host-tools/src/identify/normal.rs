@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::arm::ArmModel;
-use super::factor::{Preconditioner, Selection, Triangle, select};
+use super::factor::{Preconditioner, Selection, Triangle, gram, select};
 use super::linearize::{Linear, linearize};
 use super::observation::{Observation, Sigmas};
 use super::prior::Prior;
@@ -61,9 +61,8 @@ impl Normal {
             at,
             observations,
             |linear| {
-                let transposed = linear.jacobian.transpose();
-                let matrix = &transposed * &linear.jacobian;
-                let gradient = &transposed * &linear.residual;
+                let matrix = gram(&linear.jacobian);
+                let gradient = linear.jacobian.tr_mul(&linear.residual);
                 let cost = linear.residual.norm_squared();
                 (matrix, gradient, cost, single.then_some(linear))
             },
@@ -161,14 +160,13 @@ impl Normal {
     ) -> Option<Triangle> {
         let products = |linear: &Linear| {
             let whitened = first.whitened(&linear.jacobian);
-            let transposed = whitened.transpose();
-            let gram = &transposed * whitened;
-            (gram, transposed * &linear.residual)
+            let projected = whitened.tr_mul(&linear.residual);
+            (gram(&whitened), projected)
         };
         let n = at.unknowns.len();
-        let (mut gram, mut projected) = (DMatrix::zeros(n, n), DVector::zeros(n));
+        let (mut square, mut projected) = (DMatrix::zeros(n, n), DVector::zeros(n));
         let mut add = |(g, p): (DMatrix<f64>, DVector<f64>)| {
-            gram += g;
+            square += g;
             projected += p;
         };
         match &self.only {
@@ -178,6 +176,6 @@ impl Normal {
         if let Some(rows) = prior {
             add(products(rows));
         }
-        first.triangle(&gram, &projected)
+        first.triangle(&square, &projected)
     }
 }
