@@ -7,13 +7,14 @@
 use std::error::Error;
 
 use rayon::prelude::*;
-use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen};
+use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen, Visit};
 use truepose_host::diagnose::hypothesis::Hypothesis;
 use truepose_host::diagnose::{Answer, Diagnosis, diagnose, input};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::assess::{Statistics, errors};
 use truepose_host::identify::observation::Observation;
 use truepose_host::identify::readings::identify_file;
+use truepose_host::plan::discriminate;
 
 const ARMS: [Arm; 4] = [Arm::Puma560, Arm::Ur10, Arm::Irb120, Arm::Panda];
 
@@ -53,6 +54,9 @@ struct Scenario {
     warming: bool,
     /// Placements of the instrument that are written down.
     sessions: u32,
+    /// Poses that are added where a first diagnosis leaves rivals, as `plan --discriminate`
+    /// proposes them; other runs are left out.
+    more: usize,
     instrument: fn(Seen) -> Instrument,
 }
 
@@ -66,6 +70,7 @@ impl Scenario {
             range: 0.9,
             warming: false,
             sessions: 2,
+            more: 0,
             instrument: Instrument::new,
         };
         let heavy = |seen| Instrument {
@@ -104,6 +109,10 @@ impl Scenario {
             "short-range" => Self {
                 range: 0.15,
                 ..plain(vec!["joint-gain", "gear-eccentricity"], 1)
+            },
+            "short-range-decided" => Self {
+                more: 20,
+                ..Self::named("short-range")?
             },
             "warming" => Self {
                 warming: true,
@@ -197,8 +206,8 @@ fn run(scenario: &Scenario, seed: u64) -> Result<Option<Run>, String> {
     }
     // the instrument may move without anybody writing it down
     conditions.sessions = scenario.sessions;
-    let fitted = |cell: &Cell| {
-        let measured = cell.measure(&visits, &conditions, &instrument, 0);
+    let fitted = |cell: &Cell, visits: &[Visit]| {
+        let measured = cell.measure(visits, &conditions, &instrument, 0);
         let gross: Vec<usize> = (0..measured.rows.len())
             .filter(|&i| measured.rows[i].outlier)
             .map(|i| i + 1)
@@ -207,8 +216,17 @@ fn run(scenario: &Scenario, seed: u64) -> Result<Option<Run>, String> {
             .map(|identified| (identified, gross))
             .map_err(|failure| format!("{hidden:?} {seed}: {failure:?}"))
     };
-    let (floor, _) = fitted(&empty)?;
-    let (identified, gross) = fitted(&cell)?;
+    let mut visits = visits;
+    if scenario.more > 0 {
+        let (identified, _) = fitted(&cell, &visits)?;
+        let found = diagnose(identified, &|_| {}).map_err(|f| format!("{hidden:?}: {f:?}"))?;
+        match further(&cell, &visits, &found, scenario.more, seed) {
+            Some(further) => visits.extend(further),
+            None => return Ok(None),
+        }
+    }
+    let (floor, _) = fitted(&empty, &visits)?;
+    let (identified, gross) = fitted(&cell, &visits)?;
     let data = cell.measure(&visits, &conditions, &instrument, 0).dataset();
     let geometric = Some(&identified.calibration.geometric);
     let blamed = !input::check(&identified.problem, &data, &cell.robot(), geometric).is_empty();
@@ -231,6 +249,28 @@ fn run(scenario: &Scenario, seed: u64) -> Result<Option<Run>, String> {
         seed,
     );
     Ok(Some(Run { blamed, ..run }))
+}
+
+/// Visits to the poses that would decide; `None` where nothing is open.
+fn further(
+    cell: &Cell,
+    visits: &[Visit],
+    found: &Diagnosis,
+    count: usize,
+    seed: u64,
+) -> Option<Vec<Visit>> {
+    let joints = cell.robot().joints;
+    let limits: Option<Vec<[f64; 2]>> = joints.iter().map(|j| j.limits).collect();
+    let decision = discriminate(found, &limits?, count, seed)?;
+    let last = visits.last()?;
+    let visits = decision.poses.iter().enumerate().map(|(i, q)| Visit {
+        q: q.clone(),
+        previous: q.clone(),
+        time: last.time + 20.0 * (i + 1) as f64,
+        verify: false,
+        ..last.clone()
+    });
+    Some(visits.collect())
 }
 
 fn judged(diagnosis: &Diagnosis, hidden: &[Hidden], rms: [f64; 3], seed: u64) -> Run {
@@ -262,13 +302,31 @@ fn judged(diagnosis: &Diagnosis, hidden: &[Hidden], rms: [f64; 3], seed: u64) ->
         remark: String::new(),
     };
     let [geometric, complete, floor] = rms.map(|x| x * 1e3);
-    if run.named < run.hidden || named.len() > run.hidden || complete > 1.05 * floor {
+    let remains = diagnosis.answer() == Answer::StructureRemains;
+    if remains || run.named < run.hidden || named.len() > run.hidden || complete > 1.05 * floor {
         run.remark = format!(
-            "{seed}: {hidden:?}, {geometric:.4} to {complete:.4} of {floor:.4} mm, {:?}, {labels:?}",
-            diagnosis.answer()
+            "{seed}: {hidden:?}, {geometric:.4} to {complete:.4} of {floor:.4} mm, {:?}, {labels:?}, \
+             chances: {}",
+            diagnosis.answer(),
+            chances(diagnosis)
         );
     }
     run
+}
+
+/// Chances by which the verdict was found.
+fn chances(diagnosis: &Diagnosis) -> String {
+    let white = diagnosis.whiteness.as_ref().map_or(f64::NAN, |w| w.p_value);
+    let unseen = diagnosis.unseen.map_or(f64::NAN, |u| u.p_value);
+    let bent = diagnosis
+        .disproportion
+        .as_ref()
+        .map_or(f64::NAN, |d| d.ln_p.exp());
+    let opponent = diagnosis
+        .opponent
+        .as_ref()
+        .map_or(f64::NAN, |o| o.ln_p.exp());
+    format!("white {white:.3}, unseen {unseen:.4}, bent {bent:.1e}, opponent {opponent:.1e}")
 }
 
 fn at(sorted: &[f64], share: f64) -> f64 {

@@ -8,6 +8,7 @@ use truepose::taught::Taught;
 use truepose::{LinkMass, Settings};
 
 use crate::description::Robot;
+use crate::diagnose::clock::needs_time;
 use crate::error::Error;
 use crate::identify::arm::ArmModel;
 use crate::identify::{Calibration, Stage};
@@ -95,7 +96,8 @@ pub fn encoded(blob: &Blob<'_>) -> Result<Vec<u8>, BlobError> {
     Ok(blob.encode(&mut buffer)?.to_vec())
 }
 
-/// Effects of which the fit found any value; the others are zero.
+/// Effects of which the fit found any value; the others are zero. What drifts with the rows of
+/// a file that has no time is none of the arm's clock.
 fn identified_effects(stage: &Stage) -> impl Iterator<Item = Effect<'static, f64>> {
     let zero = |x: &f64| x.abs() < f64::MIN_POSITIVE;
     stage
@@ -104,6 +106,7 @@ fn identified_effects(stage: &Stage) -> impl Iterator<Item = Effect<'static, f64
         .iter()
         .filter(move |e| !e.model().values().iter().all(zero))
         .filter(|e| !moves_the_world(e))
+        .filter(|e| !(stage.arm.counts_rows && needs_time(e)))
         .copied()
 }
 

@@ -1,7 +1,10 @@
 //! What a diagnosis finds on one series of poses serves another series of the same arm: other
 //! poses, a wider range of the joints, the instrument somewhere else.
 
+use std::path::{Path, PathBuf};
+
 use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen};
+use truepose_host::description::Robot;
 use truepose_host::diagnose::diagnose;
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::assess::{Statistics, errors};
@@ -10,6 +13,7 @@ use truepose_host::identify::prior::Prior;
 use truepose_host::identify::readings::identify_file;
 use truepose_host::identify::solve::fit;
 use truepose_host::identify::unknown::Unknown;
+use truepose_host::measurement::{Expected, Purpose, Row, read};
 
 /// Rms of `arm` on `rows` after base and tool are placed anew, all else as it is, m.
 fn realigned(arm: &ArmModel, rows: &[&Observation]) -> f64 {
@@ -85,4 +89,47 @@ fn a_later_series_is_predicted_better_than_by_geometry() {
     let typical = (sum / f64::from(runs)).exp();
     assert!(runs > 8 && worse.is_empty(), "{runs} runs, {worse:#?}");
     assert!(typical < 0.8, "{typical}");
+}
+
+/// Folder of the measured robots; `None`, with a message, where there is none, which is an
+/// error where CI runs.
+fn measured() -> Option<PathBuf> {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
+    let folder = std::env::var_os("TRUEPOSE_DATA").map_or(here, PathBuf::from);
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    assert!(std::env::var_os("CI").is_none(), "no {}", folder.display());
+    eprintln!("skipped: no {} (TRUEPOSE_DATA)", folder.display());
+    None
+}
+
+#[test]
+fn the_first_days_of_a_measured_arm_serve_its_last() {
+    let Some(folder) = measured() else { return };
+    let robot = Robot::read(&folder.join("ur10_grid_robot.toml")).unwrap();
+    let file = folder.join("ur10_grid.csv");
+    let all = read(&file, &Expected::of(&robot), Purpose::Fit).unwrap();
+    // 100 hours with pauses: the first third, and the last
+    let last = all
+        .rows
+        .iter()
+        .filter_map(|row| row.time)
+        .fold(0.0, f64::max);
+    let part = |from: f64, to: f64, every: usize| {
+        let mut part = all.clone();
+        let within = |row: &Row| row.time.is_some_and(|t| (from..to).contains(&(t / last)));
+        part.rows.retain(within);
+        part.rows = part.rows.into_iter().step_by(every).collect();
+        part
+    };
+    let identified = identify_file(&robot, &part(0.0, 0.35, 9), Vec::new()).unwrap();
+    let found = diagnose(identified, &|_| {}).unwrap();
+    let calibration = &found.identified.calibration;
+    let later = identify_file(&robot, &part(0.6, 2.0, 9), Vec::new()).unwrap();
+    let rows: Vec<&Observation> = later.problem.identify.iter().collect();
+    let [geometric, complete] =
+        [&calibration.geometric, &calibration.complete].map(|stage| realigned(&stage.arm, &rows));
+    assert!(rows.len() > 200, "{}", rows.len());
+    assert!(complete < 0.6 * geometric, "{geometric} to {complete}");
 }

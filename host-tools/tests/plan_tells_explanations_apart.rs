@@ -108,6 +108,13 @@ fn chosen_poses_decide_what_a_narrow_range_left_open() {
     let lead = |rows: &[Observation]| squares(rows, &found.step.hypothesis) - squares(rows, truth);
     assert!(lead(rows).abs() < UNDECIDED, "{}", lead(rows));
     assert!(lead(&more) > 10.0 * UNDECIDED, "{}", lead(&more));
+
+    // the diagnosis of all rows names the true one
+    let after = diagnosed(&drawing, &more, verify);
+    let named = &after.named[0].step.hypothesis;
+    assert_eq!(named.kind, "gear-eccentricity", "{}", named.label());
+    assert_eq!(named.joint, Some(usize::from(JOINT)));
+    assert!(near(named.order, 1.0), "{}", named.label());
 }
 
 fn near(order: Option<f64>, wanted: f64) -> bool {

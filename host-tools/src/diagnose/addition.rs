@@ -3,6 +3,7 @@
 use truepose::JointKind;
 use truepose::effects::KINDS;
 
+use super::clock::needs_time;
 use super::curve;
 use super::hypothesis::{Hypothesis, Members, curves};
 use super::model::Extended;
@@ -47,22 +48,47 @@ impl Search<'_> {
             })
             .collect();
         let shortlist = columns.select(&order);
-        let held_back = [0, 1, 2].map(|b| {
-            HeldBack::new(
-                &self.observations,
-                &self.folds[b],
-                &linear.jacobian,
-                &shortlist.matrix,
-                &space.residual,
-            )
-        });
+        let held_back = |folds| {
+            let folds: &[Vec<usize>; 3] = folds;
+            [0, 1, 2].map(|b| {
+                HeldBack::new(
+                    &self.observations,
+                    &folds[b],
+                    &linear.jacobian,
+                    &shortlist.matrix,
+                    &space.residual,
+                )
+            })
+        };
         let weights: Vec<f64> = order.iter().map(|&i| candidates[i].ln_weight).collect();
         let has_name = |k: usize| candidates[order[k]].kind != "unnamed";
-        let chosen = chosen(&held_back, &shortlist.groups, &weights, &has_name);
+        let drifts = |k: usize| drifts(&candidates[order[k]]);
+        let ways: Vec<_> = self
+            .folds
+            .iter()
+            .map(held_back)
+            .map(|held_back| {
+                let chosen = chosen(&held_back, &shortlist.groups, &weights, &has_name, &drifts);
+                (held_back, chosen)
+            })
+            .collect();
         let ready: Vec<usize> = (0..order.len()).filter(|&k| passes(order[k])).collect();
-        let compared = |k: usize| {
+        let compare = |held_back: &[HeldBack<'_>; 3], k: usize| {
             let (start, len) = shortlist.groups[k];
             [0, 1, 2].map(|b| held_back[b].compare(start..start + len, None))
+        };
+        // of the ways to hold back, the one in which a candidate holds
+        let held = |k: usize| {
+            ways.iter().find_map(|(held_back, chosen)| {
+                let seen = compare(held_back, k);
+                // held back in blocks of time, drifts have nothing to be predicted from
+                let drifts = drifts(k);
+                let holds =
+                    seen[0].t() > 2.0 && seen[2].ratio() < 1.0 && (drifts || seen[1].ratio() < 1.0);
+                let [at_random, in_time, in_space] = &chosen[usize::from(has_name(k))];
+                let other = if drifts { at_random } else { in_time };
+                (holds && in_space.and(other).t() >= 1.0).then_some((held_back, seen))
+            })
         };
         let step = |k: usize, compared: &[Comparison; 3]| Step {
             hypothesis: candidates[order[k]].clone(),
@@ -72,16 +98,9 @@ impl Search<'_> {
         };
         for &k in ready.iter().take(TRIES) {
             let candidate = &candidates[order[k]];
-            let seen = compared(k);
-            // held back in blocks of time, drifts have nothing to be predicted from
-            let drifts = depends_on_time(candidate.kind);
-            let holds =
-                seen[0].t() > 2.0 && seen[2].ratio() < 1.0 && (drifts || seen[1].ratio() < 1.0);
-            let [at_random, in_time, in_space] = &chosen[usize::from(has_name(k))];
-            let other = if drifts { at_random } else { in_time };
-            if !holds || in_space.and(other).t() < 1.0 {
+            let Some((held_back, seen)) = held(k) else {
                 continue;
-            }
+            };
             let with = |candidate: &Hypothesis| {
                 let mut accepted = model.accepted.clone();
                 accepted.push(candidate.clone());
@@ -93,7 +112,7 @@ impl Search<'_> {
                 continue;
             }
             for g in plainer(candidate, &ready, &order, &candidates) {
-                let plain = compared(g);
+                let plain = compare(held_back, g);
                 let against = Comparison {
                     without: plain[0].with.clone(),
                     with: seen[0].with.clone(),
@@ -200,7 +219,7 @@ impl Search<'_> {
         let held_back = |b: usize| {
             HeldBack::new(
                 &self.observations,
-                &self.folds[b],
+                &self.folds[0][b],
                 &linear.jacobian,
                 &extra,
                 &space.residual,
@@ -232,18 +251,23 @@ impl Search<'_> {
 /// What choosing is worth on rows that took no part in it, held back in every way: choosing
 /// among all candidates, and among those with a name. A name has to hold against other names;
 /// what can be found by looking at thousands of nameless terms is no argument against it.
+///
+/// In blocks of time what drifts is no choice: there is nothing that it could be predicted from.
 fn chosen(
     held_back: &[HeldBack<'_>; 3],
     groups: &[(usize, usize)],
     weights: &[f64],
     has_name: &dyn Fn(usize) -> bool,
+    drifts: &dyn Fn(usize) -> bool,
 ) -> [[Comparison; 3]; 2] {
-    let named: Vec<usize> = (0..groups.len()).filter(|&k| has_name(k)).collect();
-    let all: Vec<usize> = (0..groups.len()).collect();
-    [all, named].map(|of| {
-        let groups: Vec<(usize, usize)> = of.iter().map(|&k| groups[k]).collect();
-        let weights: Vec<f64> = of.iter().map(|&k| weights[k]).collect();
-        [0, 1, 2].map(|b| held_back[b].nested(&groups, &weights).0)
+    [false, true].map(|only_names| {
+        [0, 1, 2].map(|b| {
+            let may = |k: &usize| (!only_names || has_name(*k)) && (b != 1 || !drifts(*k));
+            let of: Vec<usize> = (0..groups.len()).filter(may).collect();
+            let groups: Vec<(usize, usize)> = of.iter().map(|&k| groups[k]).collect();
+            let weights: Vec<f64> = of.iter().map(|&k| weights[k]).collect();
+            held_back[b].nested(&groups, &weights).0
+        })
     })
 }
 
@@ -271,14 +295,12 @@ fn plainer(
 }
 
 /// Held back in blocks of time, these have nothing to be predicted from.
-fn depends_on_time(kind: &str) -> bool {
-    matches!(
-        kind,
-        "time-drift"
-            | "warm-up"
-            | "step-change"
-            | "instrument-moved"
-            | "thermal-drift"
-            | "thermal-growth"
-    )
+fn drifts(candidate: &Hypothesis) -> bool {
+    match &candidate.members {
+        Members::Effects(effects) => {
+            let by_temperature = matches!(candidate.kind, "thermal-drift" | "thermal-growth");
+            by_temperature || effects.iter().any(needs_time)
+        }
+        Members::EarlyReading | Members::Curve(_) => false,
+    }
 }

@@ -3,17 +3,22 @@
 
 mod addition;
 pub(crate) mod chance;
+pub(crate) mod clock;
+mod confirmed;
 pub mod control;
 pub mod curve;
+mod doubt;
 mod exchange;
 mod groups;
 pub mod hypothesis;
 pub mod input;
 pub mod model;
 pub mod noise;
+pub mod opponent;
 pub mod periodogram;
 pub mod proportion;
 mod refine;
+mod rivals;
 mod run;
 pub mod search;
 mod sensible;
@@ -23,4 +28,5 @@ pub mod unseen;
 pub mod validate;
 pub mod whiteness;
 
-pub use run::{Answer, Diagnosis, Named, Rival, UNDECIDED, diagnose};
+pub use rivals::Rival;
+pub use run::{Answer, Diagnosis, Named, UNDECIDED, diagnose};

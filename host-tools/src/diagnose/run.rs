@@ -2,18 +2,20 @@
 
 use truepose::effects::{Effect, JointCurve, encode};
 
+use super::clock::count_rows;
 use super::control::{Control, control};
-use super::hypothesis::{Hypothesis, Members};
+use super::doubt::doubt;
 use super::model::Extended;
 use super::noise::estimated;
+use super::opponent::{Opponent, opponent};
 use super::proportion::{Disproportion, disproportion};
-use super::search::{Search, Step, overlaps};
+use super::rivals::{Rival, rivals};
+use super::search::{Search, Step};
 use super::unseen::{Unseen, unseen};
-use super::validate::{Blocks, folds};
 use super::whiteness::{Whiteness, whiteness};
 use crate::identify::arm::{ArmModel, Curve};
 use crate::identify::assess::{Statistics, errors};
-use crate::identify::gross::{gross, levers};
+use crate::identify::gross::gross;
 use crate::identify::observation::Observation;
 use crate::identify::readings::Identified;
 use crate::identify::{Failure, Stage, geometry};
@@ -28,17 +30,6 @@ pub const UNDECIDED: f64 = 6.0;
 /// Seed of the permutation tests.
 const SEED: u64 = 1;
 
-/// What else an effect could have been.
-#[derive(Clone, Debug)]
-pub struct Rival {
-    /// The other explanation.
-    pub hypothesis: Hypothesis,
-    /// Cosine between what the two do to the measurements, beyond what the model has.
-    pub similarity: f64,
-    /// How much worse it explains them.
-    pub delta_bic: f64,
-}
-
 /// An effect that was added.
 #[derive(Clone, Debug)]
 pub struct Named {
@@ -50,8 +41,10 @@ pub struct Named {
     pub rms: [f64; 2],
     /// What else it could have been, likeliest first.
     pub rivals: Vec<Rival>,
-    /// Itself with its covariate shuffled, where it has one.
+    /// Itself with what it depends on shuffled.
     pub control: Option<Control>,
+    /// Why its name is no more than what it looks like, where there is a reason.
+    pub doubt: Option<String>,
 }
 
 /// The answer in one word.
@@ -75,8 +68,10 @@ pub struct Diagnosis {
     pub named: Vec<Named>,
     /// Tests of what is left.
     pub whiteness: Option<Whiteness>,
-    /// A named effect that does not follow its cause in proportion.
+    /// The named effect that follows its cause least in proportion.
     pub disproportion: Option<Disproportion>,
+    /// What a term without a name still sees beside the names.
+    pub opponent: Option<Opponent>,
     /// Rows that no fit has seen, against those of the fit.
     pub unseen: Option<Unseen>,
     /// Geometry and complete model cross-validated on contiguous blocks, m.
@@ -98,8 +93,9 @@ impl Diagnosis {
             .any(|n| n.step.hypothesis.kind == "unnamed");
         let structure = self.whiteness.as_ref().is_some_and(|w| w.structure);
         let worse = self.unseen.is_some_and(|u| u.worse);
-        let bent = self.disproportion.is_some();
-        if nameless || structure || worse || bent || self.withdrawn {
+        let bent = self.disproportion.as_ref().is_some_and(|d| d.bent);
+        let beaten = self.opponent.as_ref().is_some_and(|o| o.stronger);
+        if nameless || structure || worse || bent || beaten || self.withdrawn {
             Answer::StructureRemains
         } else if self.named.is_empty() {
             Answer::NothingMissing
@@ -123,6 +119,7 @@ fn thinned<'a>(observations: &[&'a Observation]) -> Vec<&'a Observation> {
 
 /// Finds what `identified` lacks. `progress` is told every step in a few words.
 pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<Diagnosis, Failure> {
+    let by_rows = count_rows(&mut identified.problem);
     let problem = identified.problem.clone();
     let calibration = &identified.calibration;
     let rejected = &calibration.rejected;
@@ -132,7 +129,8 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
         .filter(|o| !rejected.contains(&o.row))
         .collect();
     let unknowns = geometry(&problem, calibration);
-    let arm = calibration.geometric.arm.clone();
+    let mut arm = calibration.geometric.arm.clone();
+    arm.counts_rows = by_rows;
 
     progress("searching");
     let rows = thinned(&kept);
@@ -164,9 +162,14 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
 
     progress("looking for rivals");
     let verify: Vec<&Observation> = problem.verify.iter().collect();
+    let (thin, thin_verify) = (thinned(&kept), thinned(&verify));
+    let disproportion = disproportion(&model, &thin, &thin_verify, sigmas);
+    let opponent = opponent(&model, &thin, &thin_verify, sigmas);
+    let complete = deployable(&model.arm);
     let mut named = Vec::new();
     let mut ambiguous = false;
     let mut before = rms(&arm, &verify);
+    let mut partial = arm.clone();
     for (index, hypothesis) in model.accepted.iter().enumerate() {
         let known = found
             .steps
@@ -176,9 +179,13 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
             Some(step) => step.clone(),
             None => exchanged(&search, &found.model, index),
         };
-        let so_far = model.accepted[..=index].to_vec();
-        let partial = Extended::fitted(&arm, &unknowns, so_far, &search.observations, sigmas);
-        let after = partial.map_or(before, |m| rms(&m.arm, &verify));
+        if index + 1 == model.accepted.len() {
+            partial = complete.clone();
+        } else {
+            let so_far = model.accepted[..=index].to_vec();
+            partial = Extended::fitted(&partial, &unknowns, so_far, &kept, sigmas)?.arm;
+        }
+        let after = rms(&partial, &verify);
         let rivals = rivals(&search, &found.model, index);
         ambiguous |= rivals.iter().any(|r| r.delta_bic < UNDECIDED);
         named.push(Named {
@@ -186,24 +193,17 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
             effects: model.effects_of(index).to_vec(),
             rms: [before, after],
             rivals,
-            control: control(&search, &found.model, index),
+            control: control(&search, &found.model, index, &problem),
+            doubt: doubt(&model.accepted, index, disproportion.as_ref()),
         });
         before = after;
     }
 
     progress("testing what is left");
     let whiteness = whiteness(&model.arm, &model.fit.unknowns, &kept, sigmas, SEED);
-    let disproportion = disproportion(&model, &thinned(&kept), sigmas);
-    let unseen = unseen(&model, &thinned(&kept), &thinned(&verify), sigmas);
-    let mut arm = model.arm.clone();
-    for curve in std::mem::take(&mut arm.curves) {
-        if let Some(effect) = stored(&curve) {
-            arm.effects.push(effect);
-        }
-    }
-    arm.bake();
+    let unseen = unseen(&model, &thin, &thin_verify, sigmas);
     identified.calibration.complete = Stage {
-        arm,
+        arm: complete,
         fit: model.fit,
     };
     Ok(Diagnosis {
@@ -211,6 +211,7 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
         named,
         whiteness,
         disproportion,
+        opponent,
         unseen,
         blocks,
         ambiguous,
@@ -238,32 +239,8 @@ fn rms(arm: &ArmModel, observations: &[&Observation]) -> f64 {
     Statistics::of(&errors(arm, observations).distances).map_or(0.0, |s| s.rms)
 }
 
-fn rivals(search: &Search<'_>, model: &Extended, index: usize) -> Vec<Rival> {
-    let Some(known) = model.accepted.get(index) else {
-        return Vec::new();
-    };
-    if matches!(known.members, Members::Curve(_)) {
-        return Vec::new();
-    }
-    let Ok(substitutes) = search.substitutes(model, index, false) else {
-        return Vec::new();
-    };
-    let own = substitutes.own.gain;
-    substitutes
-        .others
-        .into_iter()
-        // another time of the same step, the group of the same joint: no other explanation
-        .filter(|other| !overlaps(known, &other.hypothesis))
-        .map(|other| Rival {
-            delta_bic: own - other.score.gain,
-            hypothesis: other.hypothesis,
-            similarity: other.similarity,
-        })
-        .collect()
-}
-
-/// Takes back what makes rows of unseen blocks worse, the last addition first. Returns the
-/// errors of blocks and whether anything was taken back.
+/// Takes back what makes rows of unseen blocks worse in every way to hold them back, the last
+/// addition first. Returns the errors of blocks and whether anything was taken back.
 fn held(
     search: &Search<'_>,
     geometric: &ArmModel,
@@ -271,18 +248,22 @@ fn held(
 ) -> (Option<[Statistics; 2]>, bool) {
     let mut withdrawn = false;
     loop {
-        let errors = blocks(search, geometric, model);
-        let worse = errors
-            .as_ref()
-            .is_some_and(|[without, with]| with.rms >= without.rms);
+        let ways = search.folds.iter();
+        let errors: Vec<_> = ways.map(|w| blocks(search, w, geometric, model)).collect();
+        let worse = |errors: &Option<[Statistics; 2]>| {
+            let known = errors.as_ref();
+            known.is_some_and(|[without, with]| with.rms >= without.rms)
+        };
+        let worse = errors.iter().all(worse);
+        let first = errors.into_iter().next().flatten();
         if !worse || model.accepted.is_empty() {
-            return (errors, withdrawn);
+            return (first, withdrawn);
         }
         let mut fewer = model.accepted.clone();
         fewer.pop();
         match search.fit(&model.arm, fewer) {
             Ok(smaller) => *model = smaller,
-            Err(_) => return (errors, withdrawn),
+            Err(_) => return (first, withdrawn),
         }
         withdrawn = true;
     }
@@ -290,12 +271,15 @@ fn held(
 
 /// Errors of geometry alone and of the complete model on rows of blocks, contiguous in row
 /// order and in joint space, that each fit has not seen.
-fn blocks(search: &Search<'_>, geometric: &ArmModel, model: &Extended) -> Option<[Statistics; 2]> {
+fn blocks(
+    search: &Search<'_>,
+    [_, in_time, in_space]: &[Vec<usize>; 3],
+    geometric: &ArmModel,
+    model: &Extended,
+) -> Option<[Statistics; 2]> {
     let observations = &search.observations;
-    let levers = levers(geometric, observations, search.sigmas);
     let mut distances = [Vec::new(), Vec::new()];
-    for blocks in [Blocks::Time, Blocks::Space] {
-        let fold = folds(observations, &levers, blocks);
+    for fold in [in_time, in_space] {
         for f in 0..=fold.iter().copied().max()? {
             let side = |held_back: bool| -> Vec<&Observation> {
                 (0..observations.len())
@@ -321,6 +305,16 @@ fn blocks(search: &Search<'_>, geometric: &ArmModel, model: &Extended) -> Option
     }
     let [geometric, complete] = distances;
     Some([Statistics::of(&geometric)?, Statistics::of(&complete)?])
+}
+
+/// The arm with its curves in the form that the controller reads.
+fn deployable(arm: &ArmModel) -> ArmModel {
+    let mut arm = arm.clone();
+    for curve in std::mem::take(&mut arm.curves) {
+        arm.effects.extend(stored(&curve));
+    }
+    arm.bake();
+    arm
 }
 
 /// A curve in the form that the controller reads. Its table is borrowed by every copy of the

@@ -7,7 +7,7 @@ use super::periodogram::peaks;
 use super::refine::refined;
 use super::space::Space;
 use super::unnamed::offered;
-use super::validate::{Blocks, folds};
+use super::validate::{Blocks, dealt_out, folds};
 use crate::identify::Failure;
 use crate::identify::arm::ArmModel;
 use crate::identify::gross::levers;
@@ -54,8 +54,9 @@ pub struct Search<'a> {
     pub hypotheses: Vec<Hypothesis>,
     /// Candidates that fit only with sizes that no machine has.
     pub(super) refused: Vec<Hypothesis>,
-    /// Fold of every row, one list each of [`Blocks`].
-    pub(super) folds: [Vec<usize>; 3],
+    /// Fold of every row, one list each of [`Blocks`]; where rows lie apart, once more with
+    /// these dealt out.
+    pub(super) folds: Vec<[Vec<usize>; 3]>,
 }
 
 /// Where the search ended.
@@ -77,6 +78,10 @@ impl<'a> Search<'a> {
         let levers = levers(arm, &observations, sigmas);
         let folds = [Blocks::Random, Blocks::Time, Blocks::Space]
             .map(|blocks| folds(&observations, &levers, blocks));
+        let dealt = [0, 1, 2].map(|b| dealt_out(&observations, &folds[b]));
+        let any = dealt.iter().any(Option::is_some);
+        let dealt = [0, 1, 2].map(|b| dealt[b].clone().unwrap_or_else(|| folds[b].clone()));
+        let folds = std::iter::once(folds).chain(any.then_some(dealt)).collect();
         Self {
             hypotheses: hypotheses(arm, &observations),
             refused: Vec::new(),

@@ -238,6 +238,11 @@ struct Mover {
     moving: Moving,
 }
 
+/// Logarithm of the share that is in every weight, so that terms can be judged by themselves.
+pub(super) fn trials() -> f64 {
+    SHARE.ln()
+}
+
 /// The best terms without a name beside what the model has, as hypotheses.
 pub fn offered(
     model: &Extended,
@@ -364,14 +369,30 @@ pub fn label(term: &Unnamed<f64>) -> String {
     format!("{place} unnamed, by {}", by.join(" times "))
 }
 
-fn said(factor: Factor, parameter: f64) -> Option<String> {
-    let of = match factor.variable {
+/// What a term depends on, each once.
+pub fn variables(term: &Unnamed<f64>) -> Vec<Variable> {
+    let mut variables: Vec<Variable> = Vec::new();
+    for factor in term.factors.iter().filter(|f| f.shape != Shape::One) {
+        if !variables.contains(&factor.variable) {
+            variables.push(factor.variable);
+        }
+    }
+    variables
+}
+
+/// The column of the measurements that holds a variable.
+pub fn named_column(variable: Variable) -> String {
+    match variable {
         Variable::Joint(j) => format!("q{}", j + 1),
         Variable::Direction(j) => format!("dir{}", j + 1),
         Variable::Time => "t".to_owned(),
         Variable::Temperature(k) => format!("temp{}", k + 1),
         Variable::Payload => "payload".to_owned(),
-    };
+    }
+}
+
+fn said(factor: Factor, parameter: f64) -> Option<String> {
+    let of = named_column(factor.variable);
     Some(match factor.shape {
         Shape::One => return None,
         Shape::Sine => format!("sin({parameter} {of})"),

@@ -21,6 +21,42 @@ pub enum Blocks {
     Space,
 }
 
+/// Beyond the readings of all other folds by more than this share of their range, a row lies
+/// apart.
+const APART: f64 = 0.5;
+
+/// The same with rows that lie apart from all other folds dealt out to all of them; `None` where
+/// there are none. What a fold that holds all of them would be predicted from cannot choose
+/// between explanations that differ nowhere else.
+pub fn dealt_out(observations: &[&Observation], fold: &[usize]) -> Option<Vec<usize>> {
+    let count = fold.iter().max().map_or(0, |m| m + 1);
+    let joints = observations.first().map_or(0, |o| o.q.len());
+    let mut apart = vec![false; fold.len()];
+    for j in 0..joints {
+        for f in 0..count {
+            let rows = || observations.iter().zip(fold.iter());
+            let others = rows().filter(|(_, fold)| **fold != f).map(|(o, _)| o.q[j]);
+            let [low, high] = others.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], q| {
+                [a.min(q), b.max(q)]
+            });
+            let margin = APART * (high - low);
+            for ((o, fold), apart) in rows().zip(&mut apart) {
+                *apart |= *fold == f && (o.q[j] < low - margin || o.q[j] > high + margin);
+            }
+        }
+    }
+    // rows of one pose together
+    let mut next = std::collections::HashMap::new();
+    let mut dealt = fold.to_vec();
+    for ((o, fold), apart) in observations.iter().zip(&mut dealt).zip(&apart) {
+        if *apart {
+            let place = next.len() % count;
+            *fold = *next.entry(scatter(&o.q)).or_insert(place);
+        }
+    }
+    apart.contains(&true).then_some(dealt)
+}
+
 /// Fold of every observation.
 pub fn folds(observations: &[&Observation], levers: &[f64], blocks: Blocks) -> Vec<usize> {
     let n = observations.len();

@@ -66,6 +66,9 @@ pub struct ArmModel {
     /// Joints read before the arm had settled: what the joint that moved farthest still
     /// lacked, rad or m. A fault of the recording, never of the arm.
     pub early_reading: f64,
+    /// The file has no time, and the row's number stands for it: what drifts belongs to the
+    /// series of measurements.
+    pub counts_rows: bool,
     /// Curves of joints while they are being identified, evaluated on the readings.
     pub curves: Vec<Curve>,
     baked: Vec<BakedJoint<f64>>,
@@ -98,6 +101,7 @@ impl ArmModel {
             stations: vec![Pose::identity()],
             effects: Vec::new(),
             early_reading: 0.0,
+            counts_rows: false,
             curves: Vec::new(),
             baked: vec![BakedJoint::identity(); count],
             gauges: vec![Pose::identity(); count],

@@ -438,6 +438,7 @@ fn effects(calibration: &Calibration, error_mm: &schema::Errors) -> Vec<schema::
                 let all = Kind::of(model.kind())?.components;
                 all.get(usize::from(component)).map(|c| (*c).to_owned())
             }),
+            depends_on: Vec::new(),
             parameters,
             sigma,
             p_value,
@@ -445,6 +446,7 @@ fn effects(calibration: &Calibration, error_mm: &schema::Errors) -> Vec<schema::
             rms_after_mm: error_mm.complete.spread.rms,
             alternatives: Vec::new(),
             control: None,
+            in_doubt: None,
         });
     }
     let early = Unknown::EarlyReading;
@@ -455,6 +457,7 @@ fn effects(calibration: &Calibration, error_mm: &schema::Errors) -> Vec<schema::
             order: None,
             from: None,
             component: None,
+            depends_on: Vec::new(),
             parameters: BTreeMap::from([("lack".to_owned(), value)]),
             sigma: BTreeMap::from([("lack".to_owned(), sigma)]),
             p_value: chi_square_tail((value / sigma).powi(2), 1),
@@ -462,6 +465,7 @@ fn effects(calibration: &Calibration, error_mm: &schema::Errors) -> Vec<schema::
             rms_after_mm: error_mm.complete.spread.rms,
             alternatives: Vec::new(),
             control: None,
+            in_doubt: None,
         });
     }
     found

@@ -8,8 +8,10 @@ use super::Report;
 use super::evidence::evidence;
 use super::figures::significant;
 use super::schema::{Alternative, BlockErrors, Effect, Shuffled, Spread, Verdict};
+use crate::diagnose::clock::needs_time;
 use crate::diagnose::hypothesis::Members;
 use crate::diagnose::input::Finding;
+use crate::diagnose::unnamed::{named_column, variables};
 use crate::diagnose::{Answer, Diagnosis, Named, Rival};
 use crate::identify::assess::Statistics;
 use crate::identify::unknown::Unknown;
@@ -96,13 +98,21 @@ fn reasons(diagnosis: &Diagnosis, report: &Report) -> Vec<String> {
         )),
         None => reasons.push("too few rows to test what is left for structure".to_owned()),
     }
-    if let Some(bent) = &diagnosis.disproportion {
+    if let Some(bent) = diagnosis.disproportion.as_ref().filter(|d| d.bent) {
         let named = diagnosis.named.get(bent.index);
         reasons.push(format!(
             "{} does not stay in proportion to its cause: it changes with {} (chance {})",
             named.map_or_else(String::new, |n| n.step.hypothesis.label()),
             bent.with,
             significant(bent.ln_p.exp())
+        ));
+    }
+    if let Some(opponent) = diagnosis.opponent.as_ref().filter(|o| o.stronger) {
+        reasons.push(format!(
+            "beside the names there is something like: {} (chance {}, rows that no fit has seen \
+             included)",
+            opponent.label,
+            significant(opponent.ln_p.exp())
         ));
     }
     if let Some(unseen) = diagnosis.unseen.filter(|u| u.worse) {
@@ -112,6 +122,23 @@ fn reasons(diagnosis: &Diagnosis, report: &Report) -> Vec<String> {
             significant(unseen.ratio),
             significant(unseen.p_value)
         ));
+    }
+    let in_doubt = diagnosis.named.iter().filter(|n| n.doubt.is_some());
+    let in_doubt: Vec<String> = in_doubt.map(|n| n.step.hypothesis.label()).collect();
+    if !in_doubt.is_empty() {
+        reasons.push(format!(
+            "names in doubt, since something without a name is beside them or they do not stay in \
+             proportion: {}",
+            in_doubt.join(", ")
+        ));
+    }
+    let stage = &diagnosis.identified.calibration.complete;
+    if stage.arm.counts_rows && stage.arm.effects.iter().any(needs_time) {
+        reasons.push(
+            "the file has no column t, so the row's number stands for the time: what drifts with \
+             it belongs to this series and is not compensated; times in s are rows"
+                .to_owned(),
+        );
     }
     reasons
 }
@@ -126,8 +153,13 @@ fn found(report: &Report) -> Option<String> {
         .take(SAID)
         .map(|e| {
             let [before, after] = e.rms_mm.map(significant);
+            let looks = if e.doubt.is_some() {
+                "looks like: "
+            } else {
+                ""
+            };
             format!(
-                "{}: adding it takes the error from {before} mm to {after} mm",
+                "{looks}{}: adding it takes the error from {before} mm to {after} mm",
                 e.words
             )
         })
@@ -159,6 +191,7 @@ fn effects(named: &Named, stage: &Stage) -> Vec<Effect> {
         order: hypothesis.order,
         from: hypothesis.from.map(|j| j + 1),
         component,
+        depends_on: Vec::new(),
         parameters: BTreeMap::new(),
         sigma: BTreeMap::new(),
         p_value: named.step.ln_p.exp().min(1.0),
@@ -170,7 +203,9 @@ fn effects(named: &Named, stage: &Stage) -> Vec<Effect> {
             own: c.own,
             shuffled: c.shuffled,
             largest: c.largest,
+            move_before: c.move_before,
         }),
+        in_doubt: named.doubt.clone(),
     };
     match &hypothesis.members {
         Members::EarlyReading => {
@@ -218,6 +253,13 @@ fn effects(named: &Named, stage: &Stage) -> Vec<Effect> {
                     all.get(usize::from(component)).map(|c| (*c).to_owned())
                 });
                 let mut shown = entry(model.joint(), component);
+                if let truepose::effects::Effect::Unnamed(term) = effect {
+                    shown.depends_on = variables(term).into_iter().map(named_column).collect();
+                    if let truepose::effects::Place::Base { axis, .. } = term.place {
+                        let name = truepose::effects::AXES.get(usize::from(axis));
+                        shown.component = name.map(|n| (*n).to_owned());
+                    }
+                }
                 let place = stage.arm.effects.iter().position(|e| e == effect);
                 for (value, ((name, _), x)) in
                     model.parameters().iter().zip(model.values()).enumerate()

@@ -6,6 +6,7 @@ use truepose::effects::Effect;
 use super::diagnosed::alternative;
 use super::schema::Alternative;
 use super::words::words;
+use crate::diagnose::control::Control;
 use crate::diagnose::hypothesis::Members;
 use crate::diagnose::search::Ranked;
 use crate::diagnose::{Diagnosis, Named};
@@ -40,6 +41,10 @@ pub struct Evidence {
     pub ln_p: f64,
     /// What else it could have been.
     pub rivals: Vec<Alternative>,
+    /// Itself with what it depends on shuffled.
+    pub control: Option<Control>,
+    /// Why its name is no more than what it looks like.
+    pub doubt: Option<String>,
     /// Residual against the covariate, a panel an effect of the group.
     pub panels: Vec<Panel>,
     /// The best candidates at the step that added it.
@@ -92,6 +97,8 @@ pub(super) fn evidence(diagnosis: &Diagnosis) -> Vec<Evidence> {
                 held_back: named.step.held_back,
                 ln_p: named.step.ln_p,
                 rivals: named.rivals.iter().map(alternative).collect(),
+                control: named.control,
+                doubt: named.doubt.clone(),
                 panels: parts
                     .iter()
                     .map(|part| panel(part, complete, sigmas, &verify))
@@ -300,7 +307,7 @@ fn joint_panel(
             let from = part.from.unwrap_or(joint);
             o.q[from] * unit(complete, from).1
         }
-        kind => ambient(kind, part.sensor, o).unwrap_or(o.q[joint] * factor),
+        kind => ambient(kind, part.sensor, o, complete).unwrap_or(o.q[joint] * factor),
     };
     let x = match part.kind {
         "joint-compliance" | "tool-load" => format!("fitted deflection under load, {name}"),
@@ -309,7 +316,7 @@ fn joint_panel(
             let from = part.from.unwrap_or(joint);
             format!("joint {}, {}", from + 1, unit(complete, from).0)
         }
-        kind => ambient_name(kind).map_or(own, str::to_owned),
+        kind => ambient_name(kind, complete).map_or(own, str::to_owned),
     };
     Panel {
         x,
@@ -326,20 +333,25 @@ fn joint_panel(
 }
 
 /// Temperature or time, for effects of those.
-fn ambient(kind: &str, sensor: usize, o: &Observation) -> Option<f64> {
+fn ambient(kind: &str, sensor: usize, o: &Observation, arm: &ArmModel) -> Option<f64> {
     match kind {
         "thermal-growth" | "thermal-drift" => o.ambient.temperature.get(sensor).copied(),
         "time-drift" | "warm-up" | "step-change" | "instrument-moved" => {
-            Some(o.ambient.time / 60.0)
+            let unit = if arm.counts_rows { 1.0 } else { 60.0 };
+            Some(o.ambient.time / unit)
         }
         _ => None,
     }
 }
 
-fn ambient_name(kind: &str) -> Option<&'static str> {
+fn ambient_name(kind: &str, arm: &ArmModel) -> Option<&'static str> {
     match kind {
         "thermal-growth" | "thermal-drift" => Some("temperature, degC"),
-        "time-drift" | "warm-up" | "step-change" | "instrument-moved" => Some("time, min"),
+        "time-drift" | "warm-up" | "step-change" | "instrument-moved" => Some(if arm.counts_rows {
+            "row of the file"
+        } else {
+            "time, min"
+        }),
         _ => None,
     }
 }
@@ -373,12 +385,12 @@ fn tool_panel(part: &Part, complete: &ArmModel, observations: &[&Observation]) -
             }
             let side = if dot(&way, &largest) < 0.0 { -1.0 } else { 1.0 };
             let along = |r: &[f64]| 1e3 * side * dot(r, &way) / size;
-            let x = ambient(part.kind, part.sensor, o).unwrap_or(1e3 * side * size);
+            let x = ambient(part.kind, part.sensor, o, complete).unwrap_or(1e3 * side * size);
             Some([x, along(before), along(after)])
         })
         .collect();
     Panel {
-        x: ambient_name(part.kind)
+        x: ambient_name(part.kind, complete)
             .unwrap_or("what the effect does to the tool, mm")
             .to_owned(),
         y: "residual in its direction, mm".to_owned(),

@@ -9,7 +9,7 @@ use super::evidence::Evidence;
 use super::figures::{drawn, shown, signed, significant, valued};
 use super::schema::{Errors, Measured, Parameter, Status, Verdict};
 use super::svg;
-use super::text::{RIVALS, grouped, held_back, probability, worse};
+use super::text::{RIVALS, against, entry, grouped, held_back, in_doubt, probability, told, worse};
 
 /// Candidates listed for each effect.
 const CANDIDATES: usize = 8;
@@ -21,6 +21,9 @@ h1{font-size:1.5em;margin-bottom:.2em}h2{font-size:1.1em;margin:1.8em 0 .4em}
 .good{border-color:#2e8b57}.open{border-color:#c47a1c}
 table{border-collapse:collapse}td,th{padding:.18em .7em;text-align:right;border-bottom:1px solid #e4e4e0}
 td:first-child,th:first-child{text-align:left}th{font-weight:600}
+.verdict p{margin:.4em 0}.verdict ul{margin:.3em 0;padding-left:1.2em;font-size:.85em;color:#555}
+.steps td{white-space:nowrap}.steps td:first-child,.steps td.why{white-space:normal}
+.steps tr:not(.not) td{border-bottom:0}.plots+table{margin-top:.6em}
 .not td{color:#777}td.why{text-align:left;font-size:.9em}
 .plots{display:flex;flex-wrap:wrap;gap:.4em}.key span{margin-right:1.2em}
 .key i{display:inline-block;width:.8em;height:.8em;margin-right:.35em}
@@ -48,13 +51,16 @@ pub fn html(report: &Report) -> Result<String, Box<dyn std::error::Error>> {
         Verdict::Explained | Verdict::NothingMissing => "good",
         Verdict::StructureRemains | Verdict::Ambiguous => "open",
     };
-    let reasons: Vec<String> = report.reasons.iter().map(|r| escaped(r)).collect();
     writeln!(
         out,
-        "<div class=\"verdict {class}\"><b>{}</b><br><small>{}</small></div>",
+        "<div class=\"verdict {class}\"><b>{}</b><p>{}</p><ul>",
         capital(s.verdict.words()),
-        reasons.join("<br>")
+        escaped(&plainly(report))
     )?;
+    for reason in &report.reasons {
+        writeln!(out, "<li>{}</li>", capital(&escaped(reason)))?;
+    }
+    writeln!(out, "</ul></div>")?;
 
     writeln!(out, "<h2>Error of the held-back rows</h2>")?;
     let effects = !s.effects.is_empty();
@@ -97,6 +103,28 @@ pub fn html(report: &Report) -> Result<String, Box<dyn std::error::Error>> {
     }
     writeln!(out, "</body></html>")?;
     Ok(out)
+}
+
+/// What was found and what it is worth, in one sentence.
+fn plainly(report: &Report) -> String {
+    let e = &report.summary.error_mm;
+    let [nominal, before, after] = [e.nominal.rms, e.geometric.rms, e.complete.spread.rms];
+    let [nominal, before, after] = [nominal, before, after].map(significant);
+    let Some(first) = report.evidence.first() else {
+        return format!(
+            "Identifying the geometry takes the typical error from {nominal} mm to {before} mm."
+        );
+    };
+    let most = match report.evidence.len() - 1 {
+        0 => String::new(),
+        1 => " and one more effect".to_owned(),
+        more => format!(" and {more} more effects"),
+    };
+    format!(
+        "{}: with that{most} in the model the error falls from {before} mm to {after} mm on rows \
+         that no fit has seen.",
+        capital(&first.words)
+    )
 }
 
 fn errors(out: &mut String, e: &Errors, unit: &str, effects: bool) -> std::fmt::Result {
@@ -163,13 +191,9 @@ fn effect_table(out: &mut String, report: &Report) -> std::fmt::Result {
          <th>unit</th></tr>"
     )?;
     for e in &s.effects {
-        let name = e.name();
-        for (parameter, value) in &e.parameters {
-            let of = s
-                .parameters
-                .iter()
-                .find(|p| p.name == format!("{name} {parameter}"));
-            let (unit, factor) = shown(of.map_or("", |p| p.unit.as_str()));
+        let name = entry(e);
+        for (parameter, value) in told(e) {
+            let (unit, factor) = shown(e.unit(parameter));
             let sigma = e.sigma.get(parameter);
             writeln!(
                 out,
@@ -190,31 +214,45 @@ fn steps(out: &mut String, evidence: &[Evidence]) -> std::fmt::Result {
     }
     writeln!(
         out,
-        "<table><tr><th>added, in order</th><th>rms with it, mm</th>\
-         <th colspan=\"3\">% of the error that remains of rows left out<br>\
-         at random, by time, by joint space</th><th>p</th></tr>"
+        "<table class=\"steps\"><tr><th rowspan=\"2\">added, in order</th>\
+         <th rowspan=\"2\">rms without<br>and with it, mm</th>\
+         <th colspan=\"3\">left of the error of rows left out, %</th>\
+         <th rowspan=\"2\">chance</th></tr>\
+         <tr><th>random</th><th>by time</th><th>by joints</th></tr>"
     )?;
     for e in evidence {
         let [random, time, space] = held_back(e);
         writeln!(
             out,
-            "<tr><td>{}<br><small>{}</small></td><td>{}</td><td>{random}</td><td>{time}</td>\
-             <td>{space}</td><td>{}</td></tr>",
+            "<tr><td>{}<br><small>{}</small></td><td>{} to {}</td><td>{random}</td>\
+             <td>{time}</td><td>{space}</td><td>{}</td></tr>",
             escaped(&e.label),
             escaped(&e.words),
+            significant(e.rms_mm[0]),
             significant(e.rms_mm[1]),
             probability(e.ln_p.exp().min(1.0))
         )?;
-        for r in e.rivals.iter().take(RIVALS) {
-            writeln!(
-                out,
-                "<tr class=\"not\"><td>or {}</td><td colspan=\"5\" class=\"why\">similarity {}, \
-                 {}</td></tr>",
-                escaped(&r.name()),
-                significant(r.similarity),
+        let rivals = e.rivals.iter().take(RIVALS).map(|r| {
+            let similar = significant(r.similarity);
+            format!(
+                "{} (similarity {similar}, {})",
+                r.name(),
                 worse(r.delta_bic)
-            )?;
-        }
+            )
+        });
+        let rivals: Vec<String> = rivals.collect();
+        let others = (!rivals.is_empty()).then(|| format!("or: {}", rivals.join("; ")));
+        let said = [
+            e.doubt.as_deref().map(in_doubt),
+            e.control.map(|c| against(&c)),
+            others,
+        ];
+        let said: Vec<String> = said.into_iter().flatten().map(|s| escaped(&s)).collect();
+        writeln!(
+            out,
+            "<tr class=\"not\"><td colspan=\"6\" class=\"why\">{}</td></tr>",
+            said.join("<br>")
+        )?;
     }
     writeln!(out, "</table><br>")
 }

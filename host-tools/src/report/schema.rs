@@ -163,6 +163,37 @@ impl Alternative {
     }
 }
 
+impl Effect {
+    /// SI unit of a parameter of that name; empty for a number.
+    pub fn unit(&self, parameter: &str) -> &'static str {
+        let unit = match (self.kind.as_str(), parameter) {
+            ("joint-curve", "measured share") => "",
+            ("early-reading" | "joint-curve" | "unnamed", _) => "rad",
+            ("instrument-moved", _) => self.unit_of("step-change", parameter),
+            (kind, _) => self.unit_of(kind, parameter),
+        };
+        // a base shifts by metres
+        let shifts = matches!(self.component.as_deref(), Some("x" | "y" | "z"));
+        match unit {
+            "rad" if self.joint.is_none() && shifts => "m",
+            "rad/s" if self.joint.is_none() && shifts => "m/s",
+            "rad/K" if self.joint.is_none() && shifts => "m/K",
+            unit => unit,
+        }
+    }
+
+    fn unit_of(&self, kind: &str, parameter: &str) -> &'static str {
+        let selector = selector(self.joint, self.order, self.from);
+        let effect = truepose::effects::Effect::<f64>::named(kind, &selector);
+        effect.map_or("", |effect| {
+            let model = effect.model();
+            let mut all = model.parameters().iter().chain(model.constant_names());
+            all.find(|(name, _)| *name == parameter)
+                .map_or("", |(_, unit)| unit)
+        })
+    }
+}
+
 fn selector(joint: Option<usize>, order: Option<f64>, from: Option<usize>) -> Selector {
     let from_zero = |j: usize| j.saturating_sub(1);
     Selector {
@@ -190,6 +221,9 @@ pub struct Effect {
     /// Which of several of its kind, where there are such.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub component: Option<String>,
+    /// Of a term without a name, what it depends on: columns of the measurements.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub depends_on: Vec<String>,
     /// Values by name, SI units.
     pub parameters: BTreeMap<String, f64>,
     /// Standard errors of the same; nothing stands here for one that was not identified.
@@ -205,13 +239,18 @@ pub struct Effect {
     /// Itself with its covariate dealt to other rows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<Shuffled>,
+    /// Why the name is no more than what the effect looks like; nothing where there is no
+    /// reason.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub in_doubt: Option<String>,
 }
 
 /// Shares of the squared residual that an effect takes, as it is and with its covariate
 /// shuffled among the rows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Shuffled {
-    /// `"direction"`, `"torque"`, `"temperature"`, `"time"` or `"last move"`.
+    /// `"direction"`, `"torque"`, `"payload"`, `"temperature"`, `"time"`, `"last move"` or
+    /// `"readings"`.
     pub covariate: String,
     /// As it is.
     pub own: f64,
@@ -219,6 +258,9 @@ pub struct Shuffled {
     pub shuffled: f64,
     /// Largest of all shuffles.
     pub largest: f64,
+    /// Of an early reading, with the move before the last in place of the last.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub move_before: Option<f64>,
 }
 
 /// A parameter of the geometry or of an effect.

@@ -6,6 +6,7 @@ use super::Report;
 use super::evidence::Evidence;
 use super::figures::{drawn, shown, signed, significant, valued};
 use super::schema::{Effect, Errors, Measured, Noise, Parameter, Status, Verdict};
+use crate::diagnose::control::Control;
 
 /// Rivals listed for each effect.
 pub(super) const RIVALS: usize = 4;
@@ -96,7 +97,7 @@ fn write(report: &Report, out: &mut String) -> std::fmt::Result {
         writeln!(out)?;
         writeln!(out, "effects")?;
         for e in &s.effects {
-            effect(out, e, &s.parameters)?;
+            effect(out, e)?;
         }
     }
     parameters(out, &s.parameters)?;
@@ -163,24 +164,44 @@ fn noise(out: &mut String, noise: &Noise, unit: &str) -> std::fmt::Result {
     )
 }
 
-fn effect(out: &mut String, e: &Effect, parameters: &[Parameter]) -> std::fmt::Result {
-    let name = e.name();
+fn effect(out: &mut String, e: &Effect) -> std::fmt::Result {
     let mut values = Vec::new();
-    for (parameter, value) in &e.parameters {
-        let of = parameters
-            .iter()
-            .find(|p| p.name == format!("{name} {parameter}"));
-        let (unit, factor) = shown(of.map_or("", |p| p.unit.as_str()));
-        values.push(match e.sigma.get(parameter) {
-            Some(sigma) => format!(
-                "{parameter} {} +- {} {unit}",
-                significant(value * factor),
-                significant(sigma * factor)
-            ),
-            None => format!("{parameter} not identified"),
+    for (parameter, value) in told(e) {
+        let (unit, factor) = shown(e.unit(parameter));
+        let error = e.sigma.get(parameter).map_or_else(String::new, |sigma| {
+            format!(" +- {}", significant(sigma * factor))
         });
+        let value = significant(value * factor);
+        values.push(
+            format!("{parameter} {value}{error} {unit}")
+                .trim_end()
+                .to_owned(),
+        );
     }
-    writeln!(out, "  {name}: {}", values.join(", "))
+    writeln!(out, "  {}: {}", entry(e), values.join(", "))
+}
+
+/// Name of an effect; of a term without a name where it acts and by what.
+pub(super) fn entry(e: &Effect) -> String {
+    if e.depends_on.is_empty() {
+        return e.name();
+    }
+    let place = match (e.joint, &e.component) {
+        (Some(joint), _) => format!("joint {joint}"),
+        (None, Some(axis)) => format!("base {axis}"),
+        (None, None) => "base".to_owned(),
+    };
+    format!("{place} unnamed, by {}", e.depends_on.join(" and "))
+}
+
+/// Values that say something by themselves: of a term without a name the label says the rest.
+pub(super) fn told(e: &Effect) -> impl Iterator<Item = (&str, f64)> {
+    let nameless = e.kind == "unnamed";
+    let all = e
+        .parameters
+        .iter()
+        .map(|(name, value)| (name.as_str(), *value));
+    all.filter(move |(name, _)| !nameless || *name == "amplitude")
 }
 
 /// What was added, one a line, in order.
@@ -206,6 +227,14 @@ fn steps(out: &mut String, evidence: &[Evidence]) -> std::fmt::Result {
             held_back[2],
             probability(e.ln_p.exp().min(1.0))
         )?;
+        for sentence in [
+            e.doubt.as_deref().map(in_doubt),
+            e.control.map(|c| against(&c)),
+        ] {
+            if let Some(sentence) = sentence {
+                writeln!(out, "    {sentence}")?;
+            }
+        }
         for r in e.rivals.iter().take(RIVALS) {
             writeln!(
                 out,
@@ -224,6 +253,26 @@ pub(super) fn held_back(e: &Evidence) -> [String; 3] {
     e.held_back.map_or_else(
         || ["-", "-", "-"].map(str::to_owned),
         |held_back| held_back.map(|r| significant(100.0 * r)),
+    )
+}
+
+/// Why a name is in doubt.
+pub(super) fn in_doubt(why: &str) -> String {
+    format!("in doubt, it only looks like this: {why}")
+}
+
+/// An effect's control in words.
+pub(super) fn against(c: &Control) -> String {
+    let percent = |share: f64| significant(100.0 * share);
+    let before = c.move_before.map_or_else(String::new, |share| {
+        format!(", by the move before the last {} %", percent(share))
+    });
+    format!(
+        "takes {} % of what is left beside it; with the {} shuffled {} %, at most {} %{before}",
+        percent(c.own),
+        c.covariate,
+        percent(c.shuffled),
+        percent(c.largest)
     )
 }
 

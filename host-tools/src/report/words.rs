@@ -40,13 +40,17 @@ pub(super) fn words(named: &Named, stage: &Stage) -> String {
             format!("{} mm", significant(x * 1e3))
         }
     };
-    let minutes = || {
+    let when = || {
         let constants = named
             .effects
             .first()
             .map(|e| e.model().constants().to_vec());
         let first = constants.and_then(|c| c.first().copied()).unwrap_or(0.0);
-        format!("{} min", significant(first / 60.0))
+        if stage.arm.counts_rows {
+            format!("row {}", significant(first))
+        } else {
+            format!("{} min", significant(first / 60.0))
+        }
     };
     match hypothesis.kind {
         "joint-gain" => format!(
@@ -73,9 +77,13 @@ pub(super) fn words(named: &Named, stage: &Stage) -> String {
         "backlash" => format!("{one} has play, {}", angle(2.0 * size)),
         "thermal-growth" => format!("{link} grows with temperature"),
         "thermal-drift" => format!("{one} drifts with temperature"),
+        "time-drift" if stage.arm.counts_rows => format!("{one} drifts from row to row"),
         "time-drift" => format!("{one} drifts with time"),
-        "warm-up" => format!("{one} settles as the arm warms up, within {}", minutes()),
-        "step-change" => format!("{one} jumped at {}", minutes()),
+        "warm-up" => format!(
+            "{one} settles as the arm warms up, most of it by {}",
+            when()
+        ),
+        "step-change" => format!("{one} jumped at {}", when()),
         "early-reading" => "the joints were probably read before the arm had settled (use the \
              commanded joints, or wait; a fault of the recording, not compensated)"
             .to_owned(),
@@ -85,10 +93,7 @@ pub(super) fn words(named: &Named, stage: &Stage) -> String {
         },
         "axis-wobble" => format!("{one}'s axis wobbles {order}"),
         "prismatic-straightness" => format!("{one}'s rail is not straight"),
-        "instrument-moved" => format!(
-            "the instrument moved against the arm's base at {}",
-            minutes()
-        ),
+        "instrument-moved" => format!("the instrument moved against the arm's base at {}", when()),
         "unnamed" => format!("something without a name: {}", hypothesis.label()),
         _ => hypothesis.label(),
     }
