@@ -294,13 +294,14 @@ fn plainer(
     found.into_iter().flatten().collect()
 }
 
-/// Held back in blocks of time, these have nothing to be predicted from.
+/// Held back in blocks of time, these have nothing to be predicted from. A term without a name
+/// has to hold there all the same: a polynomial of the time fits anything that is slow.
 fn drifts(candidate: &Hypothesis) -> bool {
     match &candidate.members {
-        Members::Effects(effects) => {
+        Members::Effects(effects) if candidate.kind != "unnamed" => {
             let by_temperature = matches!(candidate.kind, "thermal-drift" | "thermal-growth");
             by_temperature || effects.iter().any(needs_time)
         }
-        Members::EarlyReading | Members::Curve(_) => false,
+        _ => false,
     }
 }
