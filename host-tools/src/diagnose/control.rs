@@ -11,7 +11,7 @@ use super::curve;
 use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
 use super::search::Search;
-use super::space::Columns;
+use super::space::{Columns, Space};
 use crate::identify::evaluator::Evaluator;
 use crate::identify::observation::Observation;
 use crate::identify::problem::Problem;
@@ -84,8 +84,14 @@ pub fn control(
     let (_, space) = without.space(observations, search.sigmas);
     let share = |from: &[&Observation]| {
         let columns = dealt(search, &without, own, from);
-        let score = space.scores(&columns).into_iter().next();
-        score.map_or(0.0, |s| s.reduction / space.rss)
+        let reduction = match own.members {
+            Members::Curve(smooth) => of_curve(&space, &columns.matrix, smooth),
+            _ => {
+                let score = space.scores(&columns).into_iter().next();
+                score.map_or(0.0, |s| s.reduction)
+            }
+        };
+        reduction / space.rss
     };
     let mut random = Random::new(SEED, index as u64);
     let mut sum = 0.0;
@@ -110,6 +116,15 @@ pub fn control(
             share(&before.iter().collect::<Vec<_>>())
         }),
     })
+}
+
+/// Reduction of the squared residual by the cells of a curve, what its prior costs paid.
+fn of_curve(space: &Space, cells: &DMatrix<f64>, smooth: f64) -> f64 {
+    let along = space.basis.tr_mul(cells);
+    let gram = cells.tr_mul(cells) - along.tr_mul(&along) + curve::precision(smooth);
+    let z = cells.tr_mul(&space.residual);
+    let factor = gram.cholesky();
+    factor.map_or(0.0, |factor| z.dot(&factor.solve(&z)))
 }
 
 /// Every row with the move to the row before it in the file as its last move.
@@ -163,7 +178,7 @@ fn dealt(
     let joint = own.joint.unwrap_or(0);
     let width = match own.members {
         Members::EarlyReading => 1,
-        Members::Curve(_) => curve::COARSE,
+        Members::Curve(_) => curve::CELLS,
         Members::Effects(_) => places.len(),
     };
     let rows: usize = observations.iter().map(|o| o.equations()).sum();
@@ -191,7 +206,7 @@ fn dealt(
                 }
                 Members::Curve(_) => {
                     let twist = evaluator.joint_twist(joint);
-                    for (cell, weight) in curve::coarse(joint).cells(dealt[place].q[joint]) {
+                    for (cell, weight) in curve::flat(joint).cells(dealt[place].q[joint]) {
                         put(cell, &twist.scaled(weight));
                     }
                 }
@@ -205,8 +220,9 @@ fn dealt(
         });
         start = end;
     }
-    // a value of any size: the scale of what shows is the columns' own
-    for mut column in matrix.column_iter_mut() {
+    // a value of any size: the scale of what shows is the columns' own; a cell's has a prior
+    let free = !matches!(own.members, Members::Curve(_));
+    for mut column in matrix.column_iter_mut().filter(|_| free) {
         let norm = column.norm();
         if norm > 0.0 {
             column *= 1e3 / norm;
