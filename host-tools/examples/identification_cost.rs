@@ -78,9 +78,9 @@ fn main() {
     }
 
     println!();
-    println!("| rows of positions | 1 thread, ms | 2 threads, ms | us a row, 1 thread |");
-    println!("| --- | --- | --- | --- |");
-    for rows in [200, 500, 1000, 2000, 5000, 10_000, 20_000] {
+    println!("| rows of positions | 1 thread, ms | 2 threads, ms | ratio | us a row, 1 thread |");
+    println!("| --- | --- | --- | --- | --- |");
+    for rows in [200, 300, 500, 1000, 2000, 5000, 10_000, 20_000] {
         let problem = of(Seen::Position, rows);
         let [one, two] = [1, 2].map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
@@ -88,9 +88,10 @@ fn main() {
             pool.install(|| least(&problem, 10)).0.as_secs_f64()
         });
         println!(
-            "| {rows} | {:.2} | {:.2} | {:.2} |",
+            "| {rows} | {:.2} | {:.2} | {:.2} | {:.2} |",
             one * 1e3,
             two * 1e3,
+            one / two,
             one * 1e6 / rows as f64
         );
     }

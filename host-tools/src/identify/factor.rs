@@ -211,16 +211,17 @@ pub fn select_in_turns(jacobian: &DMatrix<f64>, visible: f64, relative: &[f64]) 
             _ => selection.dropped.drain(..).map(|(k, _)| k).collect(),
         };
         for k in asked {
-            let column = jacobian.column(k).into_owned();
-            let length = column.norm();
+            let column = jacobian.column(k).iter().copied().collect::<Vec<f64>>();
+            let length = norm(&column);
             if length <= visible {
                 selection.dropped.push((k, Dropped::Invisible));
                 continue;
             }
             let (rest, coefficients) = basis.orthogonal(column);
-            let left = rest.norm();
+            let left = norm(&rest);
             if left > visible && left > relative * length {
-                basis.push(rest / left, coefficients, left);
+                let unit = rest.iter().map(|x| x / left).collect();
+                basis.push(unit, coefficients, left);
                 selection.kept.push(k);
             } else {
                 let combination = basis.combination(coefficients, &selection.kept);
@@ -231,27 +232,46 @@ pub fn select_in_turns(jacobian: &DMatrix<f64>, visible: f64, relative: &[f64]) 
     selection
 }
 
+/// Product of two slices of one length, in four sums that the processor forms at once.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    let mut sums = [0.0; 4];
+    for (a, b) in a.iter().zip(b) {
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f64>() + rest
+}
+
+fn norm(a: &[f64]) -> f64 {
+    dot(a, a).sqrt()
+}
+
 /// Orthonormal columns, and the kept columns in terms of them.
 #[derive(Default)]
 struct Basis {
-    columns: Vec<DVector<f64>>,
+    columns: Vec<Vec<f64>>,
     triangle: Vec<Vec<f64>>,
 }
 
 impl Basis {
     /// What of a column is orthogonal to all, and its coefficients.
-    fn orthogonal(&self, mut column: DVector<f64>) -> (DVector<f64>, Vec<f64>) {
+    fn orthogonal(&self, mut column: Vec<f64>) -> (Vec<f64>, Vec<f64>) {
         let mut coefficients = vec![0.0; self.columns.len()];
-        let mut rest = column.norm();
+        let mut rest = norm(&column);
         // Twice is enough, and once if little was taken away (Kahan's rule; Parlett 6.9).
         for _ in 0..2 {
             let before = rest;
             for (c, q) in coefficients.iter_mut().zip(&self.columns) {
-                let along = q.dot(&column);
-                column.axpy(-along, q, 1.0);
+                let along = dot(q, &column);
+                for (x, q) in column.iter_mut().zip(q) {
+                    *x -= along * q;
+                }
                 *c += along;
             }
-            rest = column.norm();
+            rest = norm(&column);
             if rest > 0.5 * before {
                 break;
             }
@@ -259,7 +279,7 @@ impl Basis {
         (column, coefficients)
     }
 
-    fn push(&mut self, unit: DVector<f64>, mut coefficients: Vec<f64>, rest: f64) {
+    fn push(&mut self, unit: Vec<f64>, mut coefficients: Vec<f64>, rest: f64) {
         coefficients.push(rest);
         self.triangle.push(coefficients);
         self.columns.push(unit);

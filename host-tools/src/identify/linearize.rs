@@ -7,7 +7,7 @@ use super::arm::ArmModel;
 use super::attached::Attached;
 use super::evaluator::{Evaluator, Path, paths};
 use super::observation::{Observation, Sigmas};
-use super::solve::BLOCK;
+use super::solve::{BLOCK, block};
 use super::unknown::Unknown;
 
 /// The unknowns whose twists are constant in some frame, one set a placement of the
@@ -124,6 +124,9 @@ pub fn residuals(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) 
     if observations.len() <= BLOCK {
         return DVector::from_vec(of(observations));
     }
-    let blocks: Vec<Vec<f64>> = observations.par_chunks(BLOCK).map(of).collect();
+    let blocks: Vec<Vec<f64>> = observations
+        .par_chunks(block(observations.len()))
+        .map(of)
+        .collect();
     DVector::from_vec(blocks.concat())
 }

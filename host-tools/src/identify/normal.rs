@@ -9,7 +9,7 @@ use super::factor::{Preconditioner, Selection, Triangle, gram, select};
 use super::linearize::{Linear, linearize};
 use super::observation::{Observation, Sigmas};
 use super::prior::Prior;
-use super::solve::{BLOCK, RELATIVE, VISIBLE};
+use super::solve::{BLOCK, RELATIVE, VISIBLE, block};
 use super::unknown::Unknown;
 
 /// Does `work` on the linearisation of every block and folds the results in their order.
@@ -25,7 +25,10 @@ fn over_blocks<R: Send>(
         fold(each(observations));
         return;
     }
-    let results: Vec<R> = observations.par_chunks(BLOCK).map(each).collect();
+    let results: Vec<R> = observations
+        .par_chunks(block(observations.len()))
+        .map(each)
+        .collect();
     results.into_iter().for_each(fold);
 }
 

@@ -21,6 +21,12 @@ pub(super) const RELATIVE: f64 = 1e-9;
 /// taken over whole blocks in their order, so no result depends on the number of threads.
 pub(super) const BLOCK: usize = 256;
 
+/// Rows of each of as few blocks as hold `rows`, all of one size: two threads share 300 rows
+/// evenly.
+pub(super) fn block(rows: usize) -> usize {
+    rows.div_ceil(rows.div_ceil(BLOCK).max(1)).max(1)
+}
+
 const MAX_ITERATIONS: usize = 60;
 
 /// Result of a fit. Covariances are for residuals of unit variance in units of the declared
