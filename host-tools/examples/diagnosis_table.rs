@@ -1,15 +1,15 @@
 //! How often the diagnosis names what a simulated cell hides.
 //!
-//! `cargo run --release -p truepose-host-tools --example diagnosis_table -- SEEDS [LINE,...]`
-//! prints one line a scenario or kind of effect (docs/DIAGNOSIS.md explains the columns), and
-//! what went wrong on stderr.
+//! `cargo run --release -p truepose-host-tools --example diagnosis_table -- SEEDS [LINE,...]
+//! [FIRST]` prints one line a scenario or kind of effect (docs/DIAGNOSIS.md explains the
+//! columns), and what went wrong on stderr. FIRST is the first seed, 0 unless given.
 
 use std::error::Error;
 
 use rayon::prelude::*;
 use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen, Visit};
 use truepose_host::diagnose::hypothesis::Hypothesis;
-use truepose_host::diagnose::{Answer, Diagnosis, diagnose, input};
+use truepose_host::diagnose::{Answer, Diagnosis, Named, diagnose, input};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::assess::{Statistics, errors};
 use truepose_host::identify::observation::Observation;
@@ -143,7 +143,7 @@ struct Run {
     names: usize,
     further: usize,
     unnamed: bool,
-    /// The table itself was blamed.
+    /// The table was blamed for what it does not have.
     blamed: bool,
     answer: Option<Answer>,
     /// Verify rms: geometry alone, complete, the same rows without the effect (geometry).
@@ -229,7 +229,20 @@ fn run(scenario: &Scenario, seed: u64) -> Result<Option<Run>, String> {
     let (identified, gross) = fitted(&cell, &visits)?;
     let data = cell.measure(&visits, &conditions, &instrument, 0).dataset();
     let geometric = Some(&identified.calibration.geometric);
-    let blamed = !input::check(&identified.problem, &data, &cell.robot(), geometric).is_empty();
+    let findings = input::check(&identified.problem, &data, &cell.robot(), geometric);
+    let is_hidden = |kind: input::Kind| {
+        let hidden_as = match kind {
+            input::Kind::EarlyReading => "early-reading",
+            input::Kind::InstrumentMoved => "instrument-moved",
+            _ => return false,
+        };
+        kinds.contains(&hidden_as)
+    };
+    let false_findings: Vec<input::Kind> = findings
+        .iter()
+        .map(|f| f.kind)
+        .filter(|&kind| !is_hidden(kind))
+        .collect();
     let diagnosis = diagnose(identified, &|_| {})
         .map_err(|failure| format!("{hidden:?} {seed}: {failure:?}"))?;
     let rms = |arm: &ArmModel, rows: &[Observation]| {
@@ -238,7 +251,7 @@ fn run(scenario: &Scenario, seed: u64) -> Result<Option<Run>, String> {
     };
     let rows = &diagnosis.identified.problem.verify;
     let calibration = &diagnosis.identified.calibration;
-    let run = judged(
+    let mut run = judged(
         &diagnosis,
         &hidden,
         [
@@ -248,7 +261,11 @@ fn run(scenario: &Scenario, seed: u64) -> Result<Option<Run>, String> {
         ],
         seed,
     );
-    Ok(Some(Run { blamed, ..run }))
+    if !false_findings.is_empty() {
+        run.blamed = true;
+        run.remark += &format!(" table blamed for {false_findings:?}");
+    }
+    Ok(Some(run))
 }
 
 /// Visits to the poses that would decide; `None` where nothing is open.
@@ -283,7 +300,18 @@ fn judged(diagnosis: &Diagnosis, hidden: &[Hidden], rms: [f64; 3], seed: u64) ->
     };
     let physical = named.iter().filter(|n| n.step.hypothesis.kind != "unnamed");
     let names = physical.count();
-    let labels: Vec<String> = named.iter().map(|n| n.step.hypothesis.label()).collect();
+    let label = |n: &Named| {
+        let rivals = n.rivals.iter().filter(|r| r.delta_bic < 10.0).map(|r| {
+            let (label, similarity) = (r.hypothesis.label(), r.similarity);
+            format!("{label} ({:.1} worse, cosine {similarity:.3})", r.delta_bic)
+        });
+        let rivals: Vec<String> = rivals.collect();
+        match rivals.is_empty() {
+            true => n.step.hypothesis.label(),
+            false => format!("{} or {}", n.step.hypothesis.label(), rivals.join(" or ")),
+        }
+    };
+    let labels: Vec<String> = named.iter().map(label).collect();
     let mut run = Run {
         hidden: hidden.len(),
         named: hidden.iter().filter(is_named).count(),
@@ -385,6 +413,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         let kinds = KINDS.iter().chain(&Hidden::OUTSIDE);
         kinds.fold(scenarios.to_owned(), |all, kind| format!("{all},{kind}"))
     });
+    let first: u64 = match arguments.next() {
+        Some(first) => first.parse()?,
+        None => 0,
+    };
     println!(
         "| line | runs | first | all named | all listed | further name | unnamed | table blamed | \
          structure remains | ambiguous | name without it | final / floor: median / 95 % | \
@@ -393,7 +425,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("|{}", " --- |".repeat(14));
     for name in lines.split(',') {
         let scenario = Scenario::named(name).ok_or_else(|| format!("no line {name}"))?;
-        let runs: Vec<Option<Run>> = (0..seeds)
+        let runs: Vec<Option<Run>> = (first..first + seeds)
             .into_par_iter()
             .map(|seed| run(&scenario, seed))
             .collect::<Result<_, _>>()?;

@@ -64,9 +64,20 @@ pub(crate) fn size_for_ratio(
     };
     let sigma = instrument.position_sigma.max(1e-6);
     let sigmas = [sigma, instrument.orientation_sigma.max(1e-6)];
+    // A placement that is written down is fitted anew; one that is not is the effect itself.
+    let placements = match placed.hidden {
+        Hidden::InstrumentMoved => 1,
+        _ => visits.iter().map(|v| v.session + 1).max().unwrap_or(1),
+    };
     let rows: Vec<Vec<Line>> = visits
         .iter()
-        .map(|visit| lines(body, &trial, visit, instrument, &sigmas, anchor))
+        .map(|visit| {
+            let mut lines = lines(body, &trial, visit, instrument, &sigmas, anchor);
+            for line in &mut lines {
+                line.place_again(visit.session, placements);
+            }
+            lines
+        })
         .collect();
     let width = rows
         .iter()
@@ -113,6 +124,17 @@ struct Line {
     effect: f64,
     columns: Vec<f64>,
     is_length: bool,
+}
+
+impl Line {
+    /// Adds columns for every placement after the first: those of the base, in its own rows.
+    fn place_again(&mut self, session: u32, placements: u32) {
+        let base: Vec<f64> = self.columns.iter().take(EXPECTED.len()).copied().collect();
+        for placement in 1..placements {
+            let own = |x: &f64| if placement == session { *x } else { 0.0 };
+            self.columns.extend(base.iter().map(own));
+        }
+    }
 }
 
 /// One way in which a frame may be misplaced: along, about, the frame's origin, by how much.

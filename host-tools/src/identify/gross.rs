@@ -13,6 +13,10 @@ const APART: f64 = 36.0;
 /// Nearest rows in joint space that a row is compared with.
 const NEIGHBOURS: usize = 10;
 
+/// Of these, how many may be gross as well: a third. Of ten rows among which every twentieth
+/// is gross, more are so once in a thousand times; a region that fits badly holds more.
+const BAD_NEIGHBOURS: usize = 3;
+
 /// Indices of the rows that stand apart, ascending, at most a tenth of all.
 ///
 /// What the model lacks makes tails, and rows in the tails are what shows it. So the worst
@@ -55,8 +59,7 @@ pub(crate) fn levers(arm: &ArmModel, observations: &[&Observation], sigmas: Sigm
     sums.into_iter().map(|s| (s / n).sqrt()).collect()
 }
 
-/// Second largest misfit of the nearest rows: two bad neighbours are a region, one may be
-/// gross itself.
+/// Largest misfit of the nearest rows but for those that may be gross themselves.
 fn around(i: usize, observations: &[&Observation], levers: &[f64], misfit: &[f64]) -> f64 {
     let here = &observations[i].q;
     let mut distances: Vec<(f64, usize)> = observations
@@ -75,5 +78,5 @@ fn around(i: usize, observations: &[&Observation], levers: &[f64], misfit: &[f64
         .map(|&(_, k)| misfit[k])
         .collect();
     near.sort_by(f64::total_cmp);
-    near.iter().rev().nth(1).copied().unwrap_or(0.0)
+    near.iter().rev().nth(BAD_NEIGHBOURS).copied().unwrap_or(0.0)
 }
