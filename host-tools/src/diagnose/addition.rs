@@ -1,10 +1,13 @@
 //! The next effect: significant among all candidates, better on held-back rows, sensible.
 
+use std::ops::Range;
+
 use truepose::JointKind;
 use truepose::effects::KINDS;
 
 use super::clock::needs_time;
-use super::curve;
+use super::curve::{self, Smoothness};
+use super::exchange::EVIDENT;
 use super::hypothesis::{Hypothesis, Members, curves};
 use super::model::Extended;
 use super::search::{ALPHA, Ranked, Search, Step};
@@ -19,6 +22,10 @@ const SHORTLIST: usize = 100;
 
 /// Of these, significant ones that are tried before the search gives up.
 const TRIES: usize = 40;
+
+/// Angles of blocks in joint space may be angles that the rest of the rows do not show, and
+/// there a curve says nothing: it may not be worse there, by this many standard errors.
+const UNSEEN: f64 = -1.0;
 
 impl Search<'_> {
     /// The best candidate that is significant among all, lowers the held-back error, and has
@@ -112,7 +119,12 @@ impl Search<'_> {
                 continue;
             }
             for g in plainer(candidate, &ready, &order, &candidates) {
-                let plain = compare(held_back, g);
+                let (plain, gain) = (compare(held_back, g), scores[order[g]].gain);
+                // one parameter against one or two: the rows themselves decide what they can
+                let tilts = candidates[order[g]].kind == "cross-axis-compliance";
+                if tilts && scores[order[k]].gain - gain > EVIDENT {
+                    continue;
+                }
                 let against = Comparison {
                     without: plain[0].with.clone(),
                     with: seen[0].with.clone(),
@@ -164,7 +176,7 @@ impl Search<'_> {
             with: at_random.with.clone(),
         };
         let ratios = [at_random.ratio(), in_time.ratio(), in_space.ratio()];
-        (against.t() > 2.0 && ratios[1] < 1.0 && ratios[2] < 1.0).then_some((curve, ratios))
+        (against.t() > 2.0 && ratios[1] < 1.0 && in_space.t() > UNSEEN).then_some((curve, ratios))
     }
 
     /// The curve of a joint where nothing else passes: hats far apart have to be significant,
@@ -189,7 +201,8 @@ impl Search<'_> {
         order.iter().find_map(|&i| {
             let (hypothesis, held_back) = self.smoothed(model, &candidates[i], linear, space)?;
             let ratios = [0, 1, 2].map(|b| held_back[b].ratio());
-            let holds = held_back[0].t() > 2.0 && ratios[1] < 1.0 && ratios[2] < 1.0;
+            let [at_random, _, in_space] = &held_back;
+            let holds = at_random.t() > 2.0 && ratios[1] < 1.0 && in_space.t() > UNSEEN;
             holds.then(|| Step {
                 hypothesis,
                 ln_p: scores[i].ln_p - candidates[i].ln_weight,
@@ -214,7 +227,8 @@ impl Search<'_> {
         if !turns || model.accepted.iter().any(has) {
             return None;
         }
-        let extra = curve::columns(&model.arm, joint, &self.observations, self.sigmas);
+        let cells = curve::columns(&model.arm, joint, &self.observations, self.sigmas);
+        let extra = cells * curve::waves();
         let all = 0..extra.ncols();
         let held_back = |b: usize| {
             HeldBack::new(
@@ -226,15 +240,8 @@ impl Search<'_> {
             )
         };
         let at_random = held_back(0);
-        let tried = curve::SMOOTHNESS.map(|smooth| {
-            let prior = curve::precision(smooth);
-            (smooth, at_random.compare(all.clone(), Some(&prior)))
-        });
-        let best = tried
-            .into_iter()
-            .min_by(|a, b| a.1.ratio().total_cmp(&b.1.ratio()));
-        let (smooth, at_random) = best?;
-        let prior = curve::precision(smooth);
+        let (smooth, at_random) = smoothest(&at_random, all.clone(), Smoothness::FIRST);
+        let prior = curve::precision_of_waves(smooth);
         let [in_time, in_space] = [1, 2].map(|b| held_back(b).compare(all.clone(), Some(&prior)));
         let curve = Hypothesis {
             kind: "joint-curve",
@@ -245,6 +252,39 @@ impl Search<'_> {
             ln_weight: candidate.ln_weight,
         };
         Some((curve, [at_random, in_time, in_space]))
+    }
+}
+
+/// The smoothness at which a curve predicts held-back rows best, from `first` on, and what it
+/// does to them.
+pub(super) fn smoothest(
+    held_back: &HeldBack<'_>,
+    columns: Range<usize>,
+    first: Smoothness,
+) -> (Smoothness, Comparison) {
+    let tried = |smooth: Smoothness| {
+        let prior = curve::precision_of_waves(smooth);
+        (smooth, held_back.compare(columns.clone(), Some(&prior)))
+    };
+    let mut best = tried(first);
+    let mut seen = vec![first];
+    loop {
+        let mut better = false;
+        for smooth in best.0.neighbours() {
+            if seen.contains(&smooth) {
+                continue;
+            }
+            seen.push(smooth);
+            let trial = tried(smooth);
+            if trial.1.ratio() < best.1.ratio() {
+                best = trial;
+                better = true;
+                break;
+            }
+        }
+        if !better {
+            return best;
+        }
     }
 }
 
@@ -271,9 +311,14 @@ fn chosen(
     })
 }
 
-/// Places in `ready` of plainer explanations than a part of the arm that bends: gravity on
-/// several joints at once, which engineers expect, and a joint that tilts across its axis, which
-/// has one parameter. They are preferred where held-back rows do not tell the difference.
+/// Places in `ready` of plainer explanations than the candidate, which are preferred where
+/// held-back rows do not tell the difference.
+///
+/// For a part of the arm that bends: gravity on several joints at once, which engineers expect,
+/// and a joint that tilts across its axis, which has one parameter. For an axis that wobbles in
+/// directions of the link before: one that does so in the joint's own frame, in which
+/// everything else of a joint is described. A part that turns one way round is the same thing
+/// in both, its orders one apart.
 fn plainer(
     candidate: &Hypothesis,
     ready: &[usize],
@@ -284,11 +329,17 @@ fn plainer(
         let found = ready.iter().find(|&&k| is(&candidates[order[k]]));
         found.copied()
     };
-    let joints = first(&|h| h.kind == "joint-compliance" && h.joint.is_none());
-    let tilts = first(&|h| h.kind == "cross-axis-compliance");
     let found = match candidate.kind {
-        "link-bending" => vec![joints, tilts],
-        "base-flex" | "cross-axis-compliance" => vec![joints],
+        "link-bending" => vec![
+            first(&|h| h.kind == "joint-compliance" && h.joint.is_none()),
+            first(&|h| h.kind == "cross-axis-compliance"),
+        ],
+        "base-flex" | "cross-axis-compliance" => {
+            vec![first(&|h| {
+                h.kind == "joint-compliance" && h.joint.is_none()
+            })]
+        }
+        "axis-wobble" => vec![first(&|h| h.is_in_joint_frame_of(candidate))],
         _ => Vec::new(),
     };
     found.into_iter().flatten().collect()

@@ -19,11 +19,48 @@ pub const CELLS: usize = 180;
 /// Functions that stand for a curve while it is one of many candidates: hats 15 degrees apart.
 pub const COARSE: usize = 24;
 
-/// Standard deviation of a cell's value, rad.
+/// What a cell of a curve may plausibly have, rad.
 pub(super) const VALUE: f64 = 7e-4;
 
-/// Standard deviations of second differences that are tried, rad.
-pub const SMOOTHNESS: [f64; 3] = [5e-5, 1.5e-4, 4.5e-4];
+/// Orders that a curve is made of while its smoothness is chosen; of higher ones every prior
+/// that is tried leaves next to nothing.
+const ORDERS: usize = 36;
+
+/// How large and how smooth a curve is expected to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Smoothness {
+    /// Standard deviation of a cell's value, rad.
+    pub value: f64,
+    /// Order up to which value and not smoothness holds the curve back, periods a turn.
+    pub order: f64,
+}
+
+impl Smoothness {
+    /// Where the search for the best starts.
+    pub const FIRST: Self = Self {
+        value: VALUE,
+        order: 12.0,
+    };
+
+    /// Those that are tried next to this one.
+    pub fn neighbours(self) -> [Self; 4] {
+        let of = |value: f64, order: f64| Self {
+            value: (self.value * value).clamp(VALUE / 16.0, VALUE * 16.0),
+            order: (self.order * order).clamp(4.0, 27.0),
+        };
+        [of(2.0, 1.0), of(0.5, 1.0), of(1.0, 1.5), of(1.0, 1.0 / 1.5)]
+    }
+
+    /// Standard deviation of second differences of the cells, rad.
+    pub fn bend(self) -> f64 {
+        self.value * second_difference(self.order)
+    }
+}
+
+/// Of a wave of height one and `order` periods a turn.
+fn second_difference(order: f64) -> f64 {
+    2.0 - 2.0 * (order * std::f64::consts::TAU / CELLS as f64).cos()
+}
 
 /// A cell farther than this many cells from any reading was not measured.
 const REACH: usize = 3;
@@ -45,10 +82,34 @@ fn of_cells(joint: usize, cells: usize) -> Curve {
     }
 }
 
+/// Sines and cosines of the cells, orthonormal, cells x functions: in these the prior is
+/// diagonal.
+pub fn waves() -> DMatrix<f64> {
+    let step = std::f64::consts::TAU / CELLS as f64;
+    let height = (2.0 / CELLS as f64).sqrt();
+    DMatrix::from_fn(CELLS, 1 + 2 * ORDERS, |cell, k| {
+        let angle = k.div_ceil(2) as f64 * cell as f64 * step;
+        match k {
+            0 => height / 2.0_f64.sqrt(),
+            k if k % 2 == 1 => height * angle.cos(),
+            _ => height * angle.sin(),
+        }
+    })
+}
+
+/// Inverse covariance of the amplitudes of [`waves`].
+pub fn precision_of_waves(smoothness: Smoothness) -> DMatrix<f64> {
+    let of = |k: usize| {
+        let bend = second_difference(k.div_ceil(2) as f64) / smoothness.bend();
+        smoothness.value.powi(-2) + bend * bend
+    };
+    DMatrix::from_diagonal(&DVector::from_fn(1 + 2 * ORDERS, |k, _| of(k)))
+}
+
 /// Inverse covariance of the cells of one curve.
-pub fn precision(smoothness: f64) -> DMatrix<f64> {
-    let mut p = DMatrix::identity(CELLS, CELLS) / (VALUE * VALUE);
-    let weight = 1.0 / (smoothness * smoothness);
+pub fn precision(smoothness: Smoothness) -> DMatrix<f64> {
+    let mut p = DMatrix::identity(CELLS, CELLS) / smoothness.value.powi(2);
+    let weight = smoothness.bend().powi(-2);
     for i in 0..CELLS {
         let cells = [(i + CELLS - 1) % CELLS, i, (i + 1) % CELLS];
         let difference = [1.0, -2.0, 1.0];
@@ -94,7 +155,7 @@ pub fn columns(
 pub fn step(
     arm: &mut ArmModel,
     unknowns: &[Unknown],
-    smoothness: &[f64],
+    smoothness: &[Smoothness],
     observations: &[&Observation],
     sigmas: Sigmas,
 ) -> bool {

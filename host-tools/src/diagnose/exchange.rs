@@ -15,7 +15,10 @@ pub(super) const RIVAL: f64 = 10.0;
 const LISTED: usize = 3;
 
 /// A name is exchanged for another one that is worth this much more.
-const EVIDENT: f64 = 6.0;
+pub(super) const EVIDENT: f64 = 6.0;
+
+/// Cosine from which two hypotheses share a direction.
+const SAME: f64 = 0.999;
 
 /// Exchanges and removals after one series of additions.
 const EXCHANGES: usize = 4;
@@ -82,6 +85,10 @@ impl Search<'_> {
             let best = rivals
                 .others
                 .iter()
+                // the same thing in another frame
+                .filter(|s| {
+                    s.similarity < SAME || !accepted.is_in_joint_frame_of(&s.hypothesis)
+                })
                 .max_by(|a, b| gain(a).total_cmp(&gain(b)));
             if let Some(best) = best.filter(|s| gain(s) > 0.0) {
                 let mut exchanged = model.accepted.clone();

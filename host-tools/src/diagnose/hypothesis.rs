@@ -1,9 +1,9 @@
 //! What may be missing: every effect, joint and order that the data's columns allow.
 
 use truepose::JointKind;
-use truepose::effects::{Effect, KINDS, Kind, Needs, Selector, Shape, Wish};
+use truepose::effects::{Effect, KINDS, Kind, Needs, Selector, Shape, Wish, Wobble};
 
-use super::curve;
+use super::curve::{self, Smoothness};
 use super::unnamed::{label, terms};
 use crate::identify::arm::ArmModel;
 use crate::identify::observation::Observation;
@@ -33,9 +33,8 @@ pub enum Members {
     Effects(Vec<Effect<'static, f64>>),
     /// Joints that were read before the arm had settled.
     EarlyReading,
-    /// The irregular curve of the joint, this smooth: standard deviation of its second
-    /// differences, rad.
-    Curve(f64),
+    /// The irregular curve of the joint, this smooth.
+    Curve(Smoothness),
 }
 
 impl Hypothesis {
@@ -51,6 +50,24 @@ impl Hypothesis {
             && near(self.order, other.order)
             && self.components() == other.components()
             && self.is_same_form(other)
+    }
+
+    /// True where this is an axis that wobbles in the joint's own frame, and `other` the same
+    /// axis wobbling in directions of the link before.
+    pub(super) fn is_in_joint_frame_of(&self, other: &Self) -> bool {
+        let motion = |h: &Self| match &h.members {
+            Members::Effects(effects) => match effects.as_slice() {
+                [Effect::AxisWobble(wobble)] => Some(wobble.motion),
+                _ => None,
+            },
+            _ => None,
+        };
+        self.joint == other.joint
+            && matches!(
+                (motion(self), motion(other)),
+                (Some(Wobble::TurningTilt), Some(Wobble::Tilt))
+                    | (Some(Wobble::TurningShift), Some(Wobble::Shift))
+            )
     }
 
     /// Without a name, what it depends on and how is all there is to tell terms apart. A
@@ -120,7 +137,7 @@ impl Hypothesis {
 const ORDERS: u32 = 12;
 
 /// Highest order of an axis that wobbles.
-const WOBBLES: u32 = 3;
+const WOBBLES: u32 = 6;
 
 /// Places of a step in time and time constants of a warm-up that are tried; the best is
 /// refined afterwards.
@@ -307,7 +324,7 @@ pub fn curves(arm: &ArmModel, kinds: usize) -> Vec<Hypothesis> {
             joint: Some(j),
             order: None,
             from: None,
-            members: Members::Curve(curve::SMOOTHNESS[1]),
+            members: Members::Curve(Smoothness::FIRST),
             ln_weight,
         })
         .collect()

@@ -1,11 +1,15 @@
 //! Constants that the model is not linear in: a step's time, a warm-up's time constant, the
-//! threshold of a sign.
+//! threshold of a sign, how smooth a curve is.
 
+use nalgebra::DVector;
 use truepose::effects::{Effect, Factor, Shape, Variable};
 
+use super::addition::smoothest;
+use super::curve;
 use super::hypothesis::Members;
 use super::model::Extended;
 use super::search::Search;
+use super::validate::HeldBack;
 
 /// Steps in time that are tried at most around the best of the grid.
 const TIMES: usize = 40;
@@ -20,6 +24,7 @@ const FACTORS: [&[f64]; 2] = [
 pub(super) fn refined(search: &Search<'_>, mut model: Extended) -> Extended {
     for index in 0..model.accepted.len() {
         match model.accepted[index].kind {
+            "joint-curve" => model = smoothed(search, model, index),
             "step-change" | "instrument-moved" => {
                 model = best(search, model, index, 0, &times(search))
             }
@@ -40,6 +45,38 @@ pub(super) fn refined(search: &Search<'_>, mut model: Extended) -> Extended {
         }
     }
     model
+}
+
+/// The model with the smoothness of an accepted curve chosen anew: once the curve is in, the
+/// noise is known better than when it was found.
+fn smoothed(search: &Search<'_>, model: Extended, index: usize) -> Extended {
+    let hypothesis = &model.accepted[index];
+    let (Members::Curve(present), Some(joint)) = (&hypothesis.members, hypothesis.joint) else {
+        return model;
+    };
+    let Some(curve) = model.arm.curves.iter().find(|c| c.joint == joint) else {
+        return model;
+    };
+    let finite = curve.values.iter().map(|&v| if v.is_finite() { v } else { 0.0 });
+    let values = DVector::from_iterator(curve.values.len(), finite);
+    let linear = model.linear(&search.observations, search.sigmas);
+    let cells = curve::columns(&model.arm, joint, &search.observations, search.sigmas);
+    let residual = linear.residual + &cells * values;
+    let extra = cells * curve::waves();
+    let held_back = HeldBack::new(
+        &search.observations,
+        &search.folds[0],
+        &linear.jacobian,
+        &extra,
+        &residual,
+    );
+    let (smooth, _) = smoothest(&held_back, 0..extra.ncols(), *present);
+    if smooth == *present {
+        return model;
+    }
+    let mut accepted = model.accepted.clone();
+    accepted[index].members = Members::Curve(smooth);
+    search.fit(&model.arm, accepted).unwrap_or(model)
 }
 
 fn constant(model: &Extended, index: usize, place: usize) -> Option<f64> {

@@ -117,7 +117,9 @@ impl<'a> Search<'a> {
                 accepted.push(step.hypothesis.clone());
                 model = self.fit(&model.arm, accepted)?;
                 let last = model.accepted.len() - 1;
-                model = refined(self, self.pruned(model, last));
+                model = self.pruned(model, last);
+                self.weigh(&model);
+                model = refined(self, model);
                 self.weigh(&model);
                 progress(&step.hypothesis.label());
                 let hypothesis = model.accepted.last().cloned();
