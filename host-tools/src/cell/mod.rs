@@ -214,6 +214,14 @@ impl Cell {
         }
     }
 
+    /// Verify rms, m, that a fit to these rows has when it is told what the arm hides, to first
+    /// order: the least that can be asked of one that has to find out.
+    pub fn told(&self, measured: &Measured) -> f64 {
+        let anchor = &self.set_up.anchor;
+        let instrument = &measured.instrument;
+        scale::told(&self.body, &self.hidden, &measured.rows, instrument, anchor)
+    }
+
     /// Where the tool really stands at a stop, world frame. For those who judge a result, not
     /// for those who find it.
     pub fn truth(&self, visit: &Visit) -> Solid {

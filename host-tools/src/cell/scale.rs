@@ -2,15 +2,16 @@
 //!
 //! A geometric fit takes up part of every effect. What it leaves on rows that it has not seen
 //! decides how much an effect raises the verification error; here that part is computed to
-//! first order, and the effect scaled to raise the error by a wanted ratio.
+//! first order, and the effect scaled to raise the error by a wanted ratio. Likewise what is
+//! left where a fit is told what the arm hides.
 
 use nalgebra::Vector3;
 
 use super::campaign::Visit;
 use super::hidden::Hidden;
-use super::instrument::{Instrument, Seen};
+use super::instrument::{Instrument, Row, Seen};
 use super::physics::{Body, Placed, early};
-use super::solid::{Solid, axes, origin, place};
+use super::solid::{Solid, axes, origin, place, quaternion};
 
 /// Why an effect cannot be made to show.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -117,6 +118,96 @@ pub(crate) fn size_for_ratio(
         return Err(invisible(size));
     }
     Ok(size)
+}
+
+/// Verify rms, m, of a fit to `rows` that is told the structure of everything hidden: to first
+/// order what least squares leave of the noise, when it has the columns of geometry, of each
+/// effect's size and, of a curve, all its harmonics, each expected at its share of the curve.
+/// Grossly wrong rows are left out. Positions and poses only.
+pub(crate) fn told(
+    body: &Body,
+    hidden: &[Placed],
+    rows: &[Row],
+    instrument: &Instrument,
+    anchor: &Vector3<f64>,
+) -> f64 {
+    let sigmas = [
+        instrument.position_sigma.max(1e-6),
+        instrument.orientation_sigma.max(1e-6),
+    ];
+    let placements = rows.iter().map(|r| r.visit.session + 1).max().unwrap_or(1);
+    // What is free of each effect, at its expected height, and what of it the fit has to find.
+    let mut free: Vec<(Placed, f64)> = Vec::new();
+    for placed in hidden {
+        let of_curve = placed.shape.curve.as_flattened();
+        for (k, &height) in of_curve.iter().enumerate() {
+            let share = libm::sqrt(1.0 / 24.0);
+            let mut one = *placed;
+            one.shape.curve = Default::default();
+            one.shape.curve.as_flattened_mut()[k] = share;
+            match placed.hidden {
+                Hidden::JointCurve { .. } => free.push((one, height / share)),
+                // least squares find an unbiased size whatever it is
+                _ if k == 0 => free.push((*placed, 0.0)),
+                _ => {}
+            }
+        }
+    }
+    let lines_of = |row: &Row| {
+        let of = |placed: &Placed| lines(body, placed, &row.visit, instrument, &sigmas, anchor);
+        let noise = noise(row, &sigmas);
+        let mut all: Vec<Line> = match hidden.first() {
+            Some(first) => of(first),
+            None => Vec::new(),
+        };
+        for (line, noise) in all.iter_mut().zip(noise) {
+            line.place_again(row.visit.session, placements);
+            line.effect = noise;
+        }
+        for (placed, share) in &free {
+            for (line, of_it) in all.iter_mut().zip(of(placed)) {
+                line.columns.push(of_it.effect);
+                line.effect += share * of_it.effect;
+            }
+        }
+        all
+    };
+    let kept = rows.iter().filter(|r| !r.outlier);
+    let (verify, identify): (Vec<&Row>, Vec<&Row>) = kept.partition(|r| r.visit.verify);
+    let width = identify.first().and_then(|r| lines_of(r).first().map(|l| l.columns.len()));
+    let mut normal = Normal::new(width.unwrap_or(0));
+    for row in &identify {
+        lines_of(row).iter().for_each(|line| normal.add(line));
+    }
+    let fit = normal.solve();
+    let mut sum = 0.0;
+    for row in &verify {
+        for line in lines_of(row).iter().filter(|l| l.is_length) {
+            let predicted: f64 = line.columns.iter().zip(&fit).map(|(a, b)| a * b).sum();
+            sum += (line.effect - predicted) * (line.effect - predicted);
+        }
+    }
+    sigmas[0] * libm::sqrt(sum / verify.len().max(1) as f64)
+}
+
+/// What the instrument added to the truth, in sigmas: position, then rotation.
+fn noise(row: &Row, sigmas: &[f64; 2]) -> Vec<f64> {
+    let tool = origin(&row.truth);
+    let mut noise: Vec<f64> = (row.values.iter().zip(tool.iter()))
+        .map(|(seen, there)| (seen - there) / sigmas[0])
+        .collect();
+    if let [_, _, _, w, x, y, z] = row.values[..] {
+        let [a, b, c, d] = quaternion(&row.truth);
+        // twice the vector part of seen times truth turned back
+        let turn = [
+            -w * b + x * a - y * d + z * c,
+            -w * c + x * d + y * a - z * b,
+            -w * d - x * c + y * b + z * a,
+        ];
+        let sign = (w * a + x * b + y * c + z * d).signum();
+        noise.extend(turn.map(|v| 2.0 * sign * v / sigmas[1]));
+    }
+    noise
 }
 
 /// One measured number: how the effect and every geometric deviation move it, in sigmas.

@@ -16,11 +16,15 @@ use crate::identify::unknown::{Unknown, apply};
 /// Cells of a turn: 2 degrees each.
 pub const CELLS: usize = 180;
 
-/// Functions that stand for a curve while it is one of many candidates: hats 15 degrees apart.
-pub const COARSE: usize = 24;
+/// Functions that stand for a curve while it is one of many candidates: sine and cosine of
+/// every order to 24.
+pub const COARSE: usize = 48;
+
+/// What each of them may plausibly have, rad.
+const WAVE: f64 = 4e-4;
 
 /// What a cell of a curve may plausibly have, rad.
-pub(super) const VALUE: f64 = 7e-4;
+const VALUE: f64 = 7e-4;
 
 /// Orders that a curve is made of while its smoothness is chosen; of higher ones every prior
 /// that is tried leaves next to nothing.
@@ -67,19 +71,19 @@ const REACH: usize = 3;
 
 /// A curve that is zero so far.
 pub fn flat(joint: usize) -> Curve {
-    of_cells(joint, CELLS)
-}
-
-/// The same with as many cells as stand for a candidate.
-pub(super) fn coarse(joint: usize) -> Curve {
-    of_cells(joint, COARSE)
-}
-
-fn of_cells(joint: usize, cells: usize) -> Curve {
     Curve {
         joint,
-        values: vec![0.0; cells],
+        values: vec![0.0; CELLS],
     }
+}
+
+/// What the functions that stand for a curve have at a reading, rad, each of its plausible
+/// height.
+pub(super) fn stand_ins(q: f64) -> [f64; COARSE] {
+    std::array::from_fn(|k| {
+        let (sine, cosine) = ((k / 2 + 1) as f64 * q).sin_cos();
+        WAVE * if k % 2 == 0 { sine } else { cosine }
+    })
 }
 
 /// Sines and cosines of the cells, orthonormal, cells x functions: in these the prior is

@@ -305,9 +305,8 @@ pub fn columns(
                     Members::Curve(_) => {
                         let joint = hypothesis.joint.unwrap_or(0);
                         let twist = evaluator.joint_twist(joint);
-                        for (cell, weight) in curve::coarse(joint).cells(at.q[joint]) {
-                            let twist = twist.scaled(weight * curve::VALUE);
-                            spread(evaluator, column + cell, &twist);
+                        for (k, value) in curve::stand_ins(at.q[joint]).into_iter().enumerate() {
+                            spread(evaluator, column + k, &twist.scaled(value));
                         }
                         column += curve::COARSE;
                     }
@@ -331,7 +330,7 @@ pub fn columns(
         start = end;
     }
     for (hypothesis, &(start, len)) in hypotheses.iter().zip(&groups) {
-        // what a cell of a curve may have is known; few rows may touch it
+        // what a curve may have is known
         if matches!(hypothesis.members, Members::Curve(_)) {
             continue;
         }
