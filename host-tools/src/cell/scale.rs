@@ -174,7 +174,9 @@ pub(crate) fn told(
     };
     let kept = rows.iter().filter(|r| !r.outlier);
     let (verify, identify): (Vec<&Row>, Vec<&Row>) = kept.partition(|r| r.visit.verify);
-    let width = identify.first().and_then(|r| lines_of(r).first().map(|l| l.columns.len()));
+    let width = identify
+        .first()
+        .and_then(|r| lines_of(r).first().map(|l| l.columns.len()));
     let mut normal = Normal::new(width.unwrap_or(0));
     for row in &identify {
         lines_of(row).iter().for_each(|line| normal.add(line));

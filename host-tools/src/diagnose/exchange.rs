@@ -86,9 +86,7 @@ impl Search<'_> {
                 .others
                 .iter()
                 // the same thing in another frame
-                .filter(|s| {
-                    s.similarity < SAME || !accepted.is_in_joint_frame_of(&s.hypothesis)
-                })
+                .filter(|s| s.similarity < SAME || !accepted.is_in_joint_frame_of(&s.hypothesis))
                 .max_by(|a, b| gain(a).total_cmp(&gain(b)));
             if let Some(best) = best.filter(|s| gain(s) > 0.0) {
                 let mut exchanged = model.accepted.clone();

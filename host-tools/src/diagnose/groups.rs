@@ -1,6 +1,8 @@
 //! Groups that count as one hypothesis, and which of their members stay.
 
-use super::hypothesis::Members;
+use truepose::effects::Effect;
+
+use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
 use super::search::Search;
 use super::sensible::within;
@@ -28,6 +30,30 @@ impl Search<'_> {
             }
         }
         model
+    }
+
+    /// Members of one group that were found one by one are one hypothesis: gravity acts on all
+    /// joints at once.
+    pub(super) fn gathered(&self, model: Extended) -> Extended {
+        let mut gathered: Vec<Hypothesis> = Vec::new();
+        for hypothesis in &model.accepted {
+            let first = gathered
+                .iter_mut()
+                .find(|g| g.kind == hypothesis.kind && of_a_group(g) && of_a_group(hypothesis));
+            match (first, &hypothesis.members) {
+                (Some(first), Members::Effects(further)) => {
+                    first.joint = None;
+                    if let Members::Effects(effects) = &mut first.members {
+                        effects.extend(further);
+                    }
+                }
+                _ => gathered.push(hypothesis.clone()),
+            }
+        }
+        if gathered.len() == model.accepted.len() {
+            return model;
+        }
+        self.fit(&model.arm, gathered).unwrap_or(model)
     }
 
     /// The member of a group that could go: it is not significant, or not sensible.
@@ -60,4 +86,14 @@ impl Search<'_> {
         }
         weakest.map(|(m, _)| m)
     }
+}
+
+/// True for a joint, or several, of those that one cause acts on.
+fn of_a_group(hypothesis: &Hypothesis) -> bool {
+    let Members::Effects(effects) = &hypothesis.members else {
+        return false;
+    };
+    let acts =
+        |e: &Effect<'static, f64>| matches!(e, Effect::JointCompliance(_) | Effect::ToolLoad(_));
+    effects.iter().all(acts)
 }

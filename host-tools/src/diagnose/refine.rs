@@ -57,7 +57,10 @@ fn smoothed(search: &Search<'_>, model: Extended, index: usize) -> Extended {
     let Some(curve) = model.arm.curves.iter().find(|c| c.joint == joint) else {
         return model;
     };
-    let finite = curve.values.iter().map(|&v| if v.is_finite() { v } else { 0.0 });
+    let finite = curve
+        .values
+        .iter()
+        .map(|&v| if v.is_finite() { v } else { 0.0 });
     let values = DVector::from_iterator(curve.values.len(), finite);
     let linear = model.linear(&search.observations, search.sigmas);
     let cells = curve::columns(&model.arm, joint, &search.observations, search.sigmas);

@@ -128,6 +128,7 @@ impl<'a> Search<'a> {
                     ..step
                 });
             }
+            model = self.gathered(model);
             let before = model.accepted.clone();
             model = self.exchanged(model);
             let same = before.len() == model.accepted.len()

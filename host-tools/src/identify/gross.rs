@@ -24,9 +24,7 @@ const BAD_NEIGHBOURS: usize = 3;
 /// in its neighbourhood: what the arm does at a posture its neighbours do as well.
 pub fn gross(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> Vec<usize> {
     let misfit = misfit(arm, observations, sigmas);
-    let mut sorted = misfit.clone();
-    sorted.sort_by(f64::total_cmp);
-    let tenth = sorted.get(sorted.len() * 9 / 10).copied().unwrap_or(0.0);
+    let tenth = worst_tenth(&misfit);
     let suspicious: Vec<usize> = (0..misfit.len())
         .filter(|&i| misfit[i] > APART * tenth && misfit[i] > 1.0)
         .collect();
@@ -42,6 +40,39 @@ pub fn gross(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> V
     worst.truncate(misfit.len() / 10);
     worst.sort_unstable();
     worst
+}
+
+/// How many times (squared) a row stands above the best of the worst tenth where gross rows may
+/// hide: of a hundred rows with normal noise the largest stands two to three times above it.
+const SUSPICIOUS: f64 = 6.0;
+
+/// True where some row is so far off that gross rows may hide, one pulling the fit from another.
+pub fn may_hide(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> bool {
+    let misfit = misfit(arm, observations, sigmas);
+    let largest = misfit.iter().copied().fold(0.0, f64::max);
+    largest > SUSPICIOUS * worst_tenth(&misfit)
+}
+
+/// The rows with weights by Cauchy's loss: how much each pulls a fit, the farther off the less.
+/// A row's size is its mean squared residual over the median row's.
+pub fn softened(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> Vec<Observation> {
+    let misfit = misfit(arm, observations, sigmas);
+    let mut sorted = misfit.clone();
+    sorted.sort_by(f64::total_cmp);
+    let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
+    let weighted = observations.iter().zip(misfit).map(|(&o, size)| {
+        let mut o = o.clone();
+        o.weight /= (1.0 + 0.5 * size / median.max(f64::MIN_POSITIVE)).sqrt();
+        o
+    });
+    weighted.collect()
+}
+
+/// The best of the worst tenth.
+fn worst_tenth(misfit: &[f64]) -> f64 {
+    let mut sorted = misfit.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() * 9 / 10).copied().unwrap_or(0.0)
 }
 
 /// How far the tool moves per unit of each joint, root mean square over the rows, m: what
@@ -78,5 +109,9 @@ fn around(i: usize, observations: &[&Observation], levers: &[f64], misfit: &[f64
         .map(|&(_, k)| misfit[k])
         .collect();
     near.sort_by(f64::total_cmp);
-    near.iter().rev().nth(BAD_NEIGHBOURS).copied().unwrap_or(0.0)
+    near.iter()
+        .rev()
+        .nth(BAD_NEIGHBOURS)
+        .copied()
+        .unwrap_or(0.0)
 }

@@ -39,7 +39,7 @@ use align::{first_guess, turn_tool_to_poses, turn_tool_to_targets};
 use arm::ArmModel;
 use factor::Dropped;
 pub use failure::{Failure, ROWS_A_SESSION};
-use gross::gross;
+use gross::{gross, may_hide, softened};
 use kalman::Innovations;
 use method::{Fitted, Loss};
 use observation::Observation;
@@ -244,6 +244,9 @@ fn turn_tool(arm: &mut ArmModel, problem: &Problem) {
     }
 }
 
+/// Fits with weights before gross rows are looked for: the weights have settled by then.
+const SOFT_FITS: usize = 4;
+
 /// Identifies the arm's geometry, and the problem's effects with it.
 pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
     let equations: usize = problem.identify.iter().map(Observation::equations).sum();
@@ -270,11 +273,19 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
         method.fit(arm, &nominal.arm, candidates, rows, problem.sigmas)
     };
     let mut fitted = fit(&mut geometric, &candidates, &kept_rows);
+    let mut shows = geometric.clone();
+    if method.loss == Loss::Square && may_hide(&geometric, &all, problem.sigmas) {
+        for _ in 0..SOFT_FITS {
+            let soft = softened(&shows, &all, problem.sigmas);
+            let soft: Vec<&Observation> = soft.iter().collect();
+            fit(&mut shows, &candidates, &soft);
+        }
+    }
     for _ in 0..5 {
         if method.loss != Loss::Square {
             break;
         }
-        let worst = gross(&geometric, &all, problem.sigmas);
+        let worst = gross(&shows, &all, problem.sigmas);
         if worst == left_out {
             break;
         }
@@ -284,6 +295,7 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
             .collect();
         left_out = worst;
         fitted = fit(&mut geometric, &candidates, &kept_rows);
+        shows = geometric.clone();
     }
     turn_tool(&mut geometric, problem);
     let settled = |fitted: &Fitted| match fitted.solved.converged {
