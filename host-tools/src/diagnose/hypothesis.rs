@@ -195,8 +195,10 @@ pub fn hypotheses(arm: &ArmModel, observations: &[&Observation]) -> Vec<Hypothes
             Needs::Time => conditions.time.is_some(),
         };
         match kind.name {
-            // from the periodogram, and where nothing else passes
-            "gear-ripple" | "joint-curve" => {}
+            // where nothing else passes
+            "joint-curve" => {}
+            // others come from the periodogram
+            "gear-ripple" => families.push(ripples(kind, arm)),
             _ if allowed => families.push(family(kind, arm, &conditions)),
             _ => {}
         }
@@ -328,6 +330,26 @@ pub fn curves(arm: &ArmModel, kinds: usize) -> Vec<Hypothesis> {
             ln_weight,
         })
         .collect()
+}
+
+/// Ripple of the gears whose ratio is known: once, twice and four times a motor turn.
+fn ripples(kind: &'static Kind, arm: &ArmModel) -> Vec<Hypothesis> {
+    let mut found = Vec::new();
+    for (j, ratio) in arm.ratios.iter().enumerate() {
+        let turns = arm.joints[j].kind == JointKind::Revolute;
+        let Some(ratio) = ratio.filter(|r| turns && *r > f64::from(ORDERS)) else {
+            continue;
+        };
+        for times in [1.0, 2.0, 4.0] {
+            let selector = Selector {
+                joint: Some(j),
+                order: Some(times * ratio),
+                ..Selector::default()
+            };
+            found.extend(one(kind, arm, selector, &[selector], None));
+        }
+    }
+    found
 }
 
 /// A base that jumps is an instrument that somebody moved, until the opposite is proved.

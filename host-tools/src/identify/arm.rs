@@ -48,6 +48,8 @@ pub struct ArmModel {
     pub masses: Vec<LinkMass<f64>>,
     /// Last link's distal frame to tool.
     pub tool: Pose<f64>,
+    /// Motor turns per joint turn, without sign; `None` where nobody knows.
+    pub ratios: Vec<Option<f64>>,
     /// Acceleration of gravity in the robot base, m/s^2.
     pub gravity: Vector3<f64>,
     /// Further targets in the tool frame, m.
@@ -93,6 +95,7 @@ impl ArmModel {
             joints,
             masses,
             tool,
+            ratios: vec![None; count],
             gravity,
             targets: Vec::new(),
             anchor: Vector3::zeros(),
@@ -115,13 +118,15 @@ impl ArmModel {
 
     /// The arm as it is drawn.
     pub fn drawn(robot: &Robot) -> Self {
-        Self::new(
+        let mut arm = Self::new(
             robot.base,
             robot.geometry(),
             robot.masses(),
             robot.tool,
             robot.gravity,
-        )
+        );
+        arm.ratios = robot.joints.iter().map(|j| j.ratio.map(f64::abs)).collect();
+        arm
     }
 
     /// To be called after any change of the description.
