@@ -134,7 +134,13 @@ impl Search<'_> {
                     let last = trial.accepted.len() - 1;
                     !group || self.pruned(trial, last).effects_of(last).len() > 1
                 });
-                if against.t() < 2.0 && plain[0].t() > 2.0 && fits {
+                // of one wobble in two frames the one in the joint's own may have two more
+                // parameters, which cost a little on every row
+                let score = scores[order[g]];
+                let same = candidate.kind == "axis-wobble"
+                    && scores[order[k]].reduction - score.reduction
+                        < EVIDENT * (space.rss - score.reduction) / space.freedom;
+                if (same || against.t() < 2.0) && plain[0].t() > 2.0 && fits {
                     return Ok(Some(step(g, &plain)));
                 }
             }
