@@ -68,7 +68,7 @@ fn smoothed(search: &Search<'_>, model: Extended, index: usize) -> Extended {
     let extra = cells * curve::waves();
     let held_back = HeldBack::new(
         &search.observations,
-        &search.folds[0],
+        &search.folds[0][0],
         &linear.jacobian,
         &extra,
         &residual,

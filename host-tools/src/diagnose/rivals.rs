@@ -1,6 +1,6 @@
 //! What else an effect could have been.
 
-use super::curve::precision;
+use super::curve::{Smoothness, precision};
 use super::exchange::{RIVAL, Substitute};
 use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
@@ -90,7 +90,7 @@ fn squares(search: &Search<'_>, model: &Extended) -> f64 {
         Members::Curve(smooth) => Some(smooth),
         _ => None,
     });
-    let prior = |(curve, smooth): (&crate::identify::arm::Curve, f64)| {
+    let prior = |(curve, smooth): (&crate::identify::arm::Curve, Smoothness)| {
         let known = |v: &f64| if v.is_finite() { *v } else { 0.0 };
         let values = curve.values.iter().map(known);
         let values = nalgebra::DVector::from_iterator(curve.values.len(), values);
