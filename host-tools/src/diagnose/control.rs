@@ -119,7 +119,7 @@ pub fn control(
 }
 
 /// Reduction of the squared residual by the cells of a curve, what its prior costs paid.
-fn of_curve(space: &Space, cells: &DMatrix<f64>, smooth: f64) -> f64 {
+fn of_curve(space: &Space, cells: &DMatrix<f64>, smooth: curve::Smoothness) -> f64 {
     let along = space.basis.tr_mul(cells);
     let gram = cells.tr_mul(cells) - along.tr_mul(&along) + curve::precision(smooth);
     let z = cells.tr_mul(&space.residual);
