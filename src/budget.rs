@@ -142,7 +142,7 @@ pub const PLAIN_ITERATIONS: u32 = 4;
 
 /// Most cycles an instruction takes, averaged over any function of the loop
 /// (`docs/COST.md`: 2.4 where it is most, an iteration).
-const CYCLES: u32 = 3;
+pub(crate) const CYCLES: u32 = 3;
 
 impl Cost {
     /// Cycles of a Cortex-M4F with memory that never waits. On other cores, or with a clock

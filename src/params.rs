@@ -28,7 +28,10 @@ pub const MAX_JOINTS: usize = 12;
 /// The newest layout that this version reads. It writes the oldest that holds what there is.
 pub const LAYOUT: u16 = 2;
 
-/// The oldest layout that is read: without tables.
+/// The oldest layout that it reads.
+pub const OLDEST_LAYOUT: u16 = WITHOUT_TABLES;
+
+/// The layout without tables.
 const WITHOUT_TABLES: u16 = 1;
 
 /// First four bytes of every blob.
@@ -350,7 +353,7 @@ fn open(bytes: &[u8]) -> Result<(u16, usize, &[u8]), BlobError> {
     if layout > LAYOUT {
         return Err(BlobError::LayoutNewer { found: layout });
     }
-    if layout < WITHOUT_TABLES {
+    if layout < OLDEST_LAYOUT {
         return Err(BlobError::LayoutOlder { found: layout });
     }
     if zero != 0 {

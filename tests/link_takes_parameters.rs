@@ -20,7 +20,7 @@ use truepose::link::{
     Active, Announcement, Ask, CHUNK, Decoder, Fault, FrameError, Identity, PROTOCOL, Refusal,
     Reply, Report, Request, Stage, Tally,
 };
-use truepose::params::{BlobError, HEADER, LAYOUT, checksum, decode};
+use truepose::params::{BlobError, HEADER, LAYOUT, OLDEST_LAYOUT, checksum, decode};
 
 const TRANSFER: u32 = 77;
 
@@ -190,6 +190,10 @@ fn what_does_not_fit_is_refused_at_once() {
             },
             Refusal::Layout { expected: LAYOUT },
         ),
+        (
+            Announcement { layout: 0, ..good },
+            Refusal::Layout { expected: LAYOUT },
+        ),
         (Announcement { length: 0, ..good }, Refusal::Size { room }),
         (
             Announcement {
@@ -208,6 +212,19 @@ fn what_does_not_fit_is_refused_at_once() {
         );
     }
     unchanged(&mut controller, &old);
+}
+
+#[test]
+fn every_layout_that_is_read_is_taken() {
+    let (mut controller, _) = in_use();
+    let new = named("arm", 6, 12);
+    for layout in OLDEST_LAYOUT..=LAYOUT {
+        let begun = controller.ask(Ask::Begin(Announcement {
+            layout,
+            ..announcement(&new)
+        }));
+        assert_eq!(begun, Reply::Accepted { received: 0 }, "{layout}");
+    }
 }
 
 #[test]

@@ -18,7 +18,7 @@
 use super::descent::{Descent, Point};
 use super::error::PoseError;
 use super::{Compensator, Status};
-use crate::budget::{Budget, Clock, Cost};
+use crate::budget::{Budget, CYCLES, Clock, Cost};
 use crate::model::Room;
 use crate::{Method, Scalar, Twist};
 
@@ -100,15 +100,14 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
     /// What looking up takes at worst, cycles of a Cortex-M4F.
     fn lookup_cycles(&self) -> u32 {
         let taught = &self.model.taught;
-        let cycles = match self.settings.method {
-            Method::Polynomial => taught.polynomial.as_ref().map(|p| p.coefficients() * 16),
-            Method::Cmac => taught
-                .cmac
-                .as_ref()
-                .map(|c| usize::from(c.layout.layers) * N * 60),
+        let instructions = match self.settings.method {
+            Method::Polynomial => taught.polynomial.as_ref().map(|p| p.instructions(N)),
+            Method::Cmac => taught.cmac.as_ref().map(|c| c.instructions(N)),
             Method::InverseJacobian | Method::Lqr | Method::TaskPoint => None,
         };
-        u32::try_from(cycles.unwrap_or(0)).unwrap_or(u32::MAX)
+        u32::try_from(instructions.unwrap_or(0))
+            .unwrap_or(u32::MAX)
+            .saturating_mul(CYCLES)
     }
 }
 

@@ -13,6 +13,7 @@ const PIECE: usize = 64;
 
 /// What a call of [`Link::poll`] came to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Event {
     /// There was nothing to do.
     Idle,

@@ -6,7 +6,7 @@ use super::message::{
     Active, Announcement, Ask, Fault, Identity, PROTOCOL, Refusal, Reply, Report, Request, Stage,
 };
 use super::tally::Tally;
-use crate::params::{LAYOUT, checksum_onwards, examine};
+use crate::params::{LAYOUT, OLDEST_LAYOUT, checksum_onwards, examine};
 use crate::storage::{Memory, Progress, StorageError, Store, Update};
 
 /// A blob that is coming.
@@ -168,7 +168,7 @@ impl<'n> Desk<'n> {
 
     /// Whether what is announced can be taken; `room`: bytes.
     fn fits(&self, announced: &Announcement<'_>, room: u32) -> Result<(), Refusal> {
-        if announced.layout != LAYOUT {
+        if !(OLDEST_LAYOUT..=LAYOUT).contains(&announced.layout) {
             return Err(Refusal::Layout { expected: LAYOUT });
         }
         if announced.joints != self.joints {

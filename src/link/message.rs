@@ -95,10 +95,11 @@ pub enum Reply<'a> {
 
 /// Who is there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Identity<'a> {
     /// [`PROTOCOL`].
     pub protocol: u8,
-    /// The blob layout that it reads.
+    /// The newest blob layout that it reads.
     pub layout: u16,
     /// Joints that it is built for.
     pub joints: u8,
@@ -114,6 +115,7 @@ pub struct Identity<'a> {
 
 /// A blob, by what tells it from others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Active {
     /// Bytes.
     pub length: u32,
@@ -125,6 +127,7 @@ pub struct Active {
 
 /// How the controller is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Report {
     /// The parameters in use.
     pub active: Option<Active>,
@@ -136,6 +139,7 @@ pub struct Report {
 
 /// How far a transfer is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Stage {
     /// None is under way.
     Idle,
@@ -155,6 +159,7 @@ pub enum Stage {
 
 /// Why a request was refused. The parameters in use stay as they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Refusal {
     /// A frame came damaged.
     Broken,
@@ -171,7 +176,7 @@ pub enum Refusal {
     },
     /// In a blob layout that is not read here.
     Layout {
-        /// The one that is.
+        /// The newest that is.
         expected: u16,
     },
     /// No blob, or one that is too large.
@@ -205,6 +210,7 @@ pub enum Refusal {
 
 /// Why a blob could not be kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fault {
     /// The memory failed.
     Memory,
@@ -227,7 +233,7 @@ impl fmt::Display for Refusal {
             ),
             Self::Layout { expected } => write!(
                 f,
-                "the parameters are in another layout: it reads layout {expected}"
+                "the parameters are in a layout that it does not read: the newest it reads is {expected}"
             ),
             Self::Size { room } => write!(f, "the parameters do not fit into {room} bytes"),
             Self::NotBegun => f.write_str("the transfer was not begun or has ended"),

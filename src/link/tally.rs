@@ -10,6 +10,7 @@ const STATUSES: usize = 10;
 
 /// What the loop did since the parameters came into use. Counters stay at their end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Tally {
     /// Requests answered.
     pub answered: u32,
@@ -29,6 +30,7 @@ pub struct Tally {
 
 /// The last answer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Last {
     /// Its status, by its place among the variants.
     pub status: u8,

@@ -34,9 +34,10 @@ pub struct Eeprom<I, D> {
 
 /// What can go wrong with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EepromError {
     /// The bus failed.
-    Bus(ErrorKind),
+    Bus(#[cfg_attr(feature = "defmt", defmt(Debug2Format))] ErrorKind),
     /// It does not answer, and a write is long over.
     Silent,
 }

@@ -6,6 +6,7 @@ use crate::params::BlobError;
 
 /// Why parameters could not be kept or found. `E`: of the memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum StorageError<E> {
     /// The memory failed.
     Memory(E),

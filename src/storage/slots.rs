@@ -14,6 +14,7 @@ pub(super) struct Current {
 
 /// What [`Store::load`] found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Stored {
     /// Bytes of the blob, at the beginning of the room.
     pub length: usize,

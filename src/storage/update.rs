@@ -42,6 +42,7 @@ enum Phase {
 
 /// How an update comes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Progress {
     /// The memory is still busy with the last step.
     Waiting,

@@ -75,6 +75,13 @@ impl Layout {
     }
 }
 
+/// Instructions of a quantising function, and in it of an input and its output.
+const PER_LAYER: usize = 60;
+const PER_INPUT: usize = 50;
+/// Instructions of all else, and in it of an input and its output.
+const AROUND: usize = 200;
+const AROUND_INPUT: usize = 60;
+
 /// Corrections of all joints.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cmac<'a, T: Scalar> {
@@ -107,6 +114,13 @@ impl<'a, T: Scalar> Cmac<'a, T> {
             scale: super::listed(self.scale.iter().map(|x| U::of(x.widen()))),
             table: self.table,
         }
+    }
+
+    /// Bound on the instructions of [`Cmac::evaluate`] on a Cortex-M4F, held by
+    /// `tests/firmware` (`tests/firmware/tests/budget_bounds_hold.rs`).
+    pub fn instructions(&self, joints: usize) -> usize {
+        let layer = PER_LAYER + joints * PER_INPUT;
+        usize::from(self.layout.layers) * layer + AROUND + joints * AROUND_INPUT
     }
 
     /// The corrections at the command `q` (rad or m); `None` outside the region.

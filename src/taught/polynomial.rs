@@ -17,6 +17,14 @@ use crate::Scalar;
 /// The highest degree there can be.
 pub const MAX_DEGREE: u8 = 10;
 
+/// Instructions of a coefficient, of a polynomial of the last input and of an output in it.
+const PER_COEFFICIENT: usize = 5;
+const PER_CALL: usize = 35;
+const PER_CALL_OUTPUT: usize = 10;
+/// Instructions of all else, and in it of an input.
+const AROUND: usize = 200;
+const PER_INPUT: usize = 60;
+
 /// Corrections of all joints, and what is left of the position on top.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Polynomial<'a, T: Scalar> {
@@ -111,6 +119,13 @@ impl<'a, T: Scalar> Polynomial<'a, T> {
         (self.joints.coefficients.len() + tool) / 4
     }
 
+    /// Bound on the instructions of [`Polynomial::evaluate`] on a Cortex-M4F, held by
+    /// `tests/firmware` (`tests/firmware/tests/budget_bounds_hold.rs`).
+    pub fn instructions(&self, joints: usize) -> usize {
+        let tool = self.tool.as_ref().map_or(0, |tool| tool.instructions(3));
+        self.joints.instructions(joints).saturating_add(tool)
+    }
+
     /// The corrections at the command `q` (rad or m), and the position that the tool still
     /// misses (m, tool frame); `None` outside the region.
     pub fn evaluate<const N: usize>(&self, q: &[T; N]) -> Option<([T; N], [T; 3])> {
@@ -155,50 +170,69 @@ impl<'a, T: Scalar> Block<'a, T> {
         }
     }
 
+    /// See [`Polynomial::instructions`]. Each polynomial of all inputs but the last is one
+    /// call, with its terms' coefficients in front.
+    fn instructions(&self, outputs: usize) -> usize {
+        let (inputs, degree) = (self.region.inputs(), usize::from(self.degree));
+        let calls = terms(inputs.saturating_sub(1), degree);
+        (self.coefficients.len() / 4)
+            .saturating_mul(PER_COEFFICIENT)
+            .saturating_add(calls.saturating_mul(PER_CALL + outputs * PER_CALL_OUTPUT))
+            .saturating_add(AROUND + inputs * PER_INPUT)
+    }
+
     /// All M polynomials at once.
     fn at<const M: usize>(&self, place: &Place<T>) -> [T; M] {
         let (coefficients, _) = self.coefficients.as_chunks::<4>();
+        let (mut rows, _) = coefficients.as_chunks::<M>();
         let inputs = place.x.get(..self.region.inputs()).unwrap_or(&[]);
-        horner(inputs, self.degree, &mut coefficients.iter())
+        horner(inputs, usize::from(self.degree), &mut rows)
     }
 }
 
+/// Coefficients of a product of powers, little-endian `f32`, one an output.
+type Row<const M: usize> = [[u8; 4]; M];
+
 /// Horner's rule in the first input, whose coefficients are polynomials of the others. As deep
-/// as there are inputs.
-fn horner<T: Scalar, const M: usize>(
-    x: &[T],
-    degree: u8,
-    coefficients: &mut core::slice::Iter<'_, [u8; 4]>,
-) -> [T; M] {
-    let mut sum = [T::zero(); M];
-    let Some((&first, others)) = x.split_first() else {
-        add_next(&mut sum, coefficients);
-        return sum;
+/// as there are inputs, less one: the last has a loop.
+fn horner<T: Scalar, const M: usize>(x: &[T], degree: usize, rows: &mut &[Row<M>]) -> [T; M] {
+    let (first, others) = match *x {
+        [] => return powers(T::one(), take(rows, 1)),
+        [only] => return powers(only, take(rows, degree + 1)),
+        [first, ref others @ ..] => (first, others),
     };
+    let mut sum = [T::zero(); M];
     for left in 0..=degree {
-        for sum in &mut sum {
-            *sum *= first;
-        }
-        if left == 0 || others.is_empty() {
-            add_next(&mut sum, coefficients);
-        } else {
-            let inner: [T; M] = horner(others, left, coefficients);
-            for (sum, inner) in sum.iter_mut().zip(inner) {
-                *sum += inner;
-            }
+        let inner = match *others {
+            [last] => powers(last, take(rows, left + 1)),
+            _ if left == 0 => powers(first, take(rows, 1)),
+            _ => horner(others, left, rows),
+        };
+        for (sum, inner) in sum.iter_mut().zip(inner) {
+            *sum = *sum * first + inner;
         }
     }
     sum
 }
 
+/// Takes the first `count` rows away.
 #[inline(always)]
-fn add_next<T: Scalar, const M: usize>(
-    sum: &mut [T; M],
-    coefficients: &mut core::slice::Iter<'_, [u8; 4]>,
-) {
-    for sum in sum {
-        if let Some(&bytes) = coefficients.next() {
-            *sum += T::of(f64::from(f32::from_le_bytes(bytes)));
-        }
+fn take<'r, const M: usize>(rows: &mut &'r [Row<M>], count: usize) -> &'r [Row<M>] {
+    let (taken, rest) = rows.split_at_checked(count).unwrap_or_default();
+    *rows = rest;
+    taken
+}
+
+/// Horner's rule in the last input: the highest power comes first.
+#[inline(always)]
+fn powers<T: Scalar, const M: usize>(x: T, rows: &[Row<M>]) -> [T; M] {
+    let mut sum = [T::zero(); M];
+    for row in rows {
+        let mut coefficients = row.iter();
+        sum = sum.map(|sum| match coefficients.next() {
+            Some(&bytes) => sum * x + T::of(f64::from(f32::from_le_bytes(bytes))),
+            None => sum,
+        });
     }
+    sum
 }

@@ -4,7 +4,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use truepose::link::{Active, Announcement, Ask, CHUNK, Refusal};
-use truepose::params::{Blob, LAYOUT, checksum};
+use truepose::params::{Blob, MAGIC, checksum};
 
 use super::LinkError;
 use super::client::{Client, Controller, Said, made_up};
@@ -54,7 +54,7 @@ pub fn send(
         transfer,
         length,
         crc,
-        layout: LAYOUT,
+        layout: layout(bytes),
         joints,
         robot: &blob.robot,
     });
@@ -136,4 +136,10 @@ fn in_use(
         }
         sleep(Duration::from_millis(50));
     }
+}
+
+/// The layout that a blob is written in, from its header.
+fn layout(blob: &[u8]) -> u16 {
+    let field = blob.get(MAGIC.len()..).and_then(<[u8]>::first_chunk);
+    field.map_or(0, |&field| u16::from_le_bytes(field))
 }

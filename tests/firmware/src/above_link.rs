@@ -12,7 +12,7 @@ use truepose::params::{checksum, decode};
 use truepose::storage::{Flash, Store};
 use truepose::{Model, params};
 
-use crate::arm::{JOINTS, TRAVEL};
+use crate::arm::{CLEAR_OF_SINGULAR, JOINTS, TRAVEL};
 use crate::parameters::{RIGID, ROOM};
 use crate::ram::Ram;
 use crate::tick;
@@ -27,9 +27,6 @@ const LIMIT: u32 = 120_000;
 
 /// Cycles between two questions to a UART that has nothing.
 const PAUSE: u32 = 2000;
-
-/// The middle of the path, rad: away from singular poses.
-const MIDDLE: [f32; JOINTS] = [0.3, 0.1, -0.6, 0.3, 1.0, 0.3];
 
 /// Commands from one end of the path to the other.
 const PATH: u32 = 500;
@@ -53,7 +50,7 @@ impl Course {
         self.due = self.due.wrapping_add(PERIOD.wrapping_mul(missed + 1));
         self.command = (self.command + 1) % (2 * PATH);
         let way = self.command.abs_diff(PATH) as f32 / PATH as f32 - 0.5;
-        let mut q = MIDDLE;
+        let mut q = CLEAR_OF_SINGULAR;
         for (q, travel) in q.iter_mut().zip(TRAVEL) {
             *q += 0.4 * travel * way;
         }

@@ -11,6 +11,9 @@ use crate::draws::Draws;
 /// Joints of the arm.
 pub const JOINTS: usize = 6;
 
+/// Joints clear of singular poses, rad.
+pub const CLEAR_OF_SINGULAR: [f32; JOINTS] = [0.3, 0.1, -0.6, 0.3, 1.0, 0.3];
+
 /// One DH row a joint: d and a in m, alpha in rad.
 const DRAWING: [(f64, f64, f64); JOINTS] = [
     (0.0, 0.0, FRAC_PI_2),

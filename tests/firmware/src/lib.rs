@@ -17,6 +17,8 @@ pub mod cost;
 pub mod double;
 pub mod draws;
 pub mod kinematics;
+#[cfg(all(target_os = "none", feature = "defmt"))]
+pub mod logs;
 pub mod methods;
 pub mod parameters;
 pub mod ram;

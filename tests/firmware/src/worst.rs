@@ -12,6 +12,8 @@ use truepose::budget::{Budget, Clock, Cost, PLAIN_ITERATIONS};
 use truepose::compensate::{Compensator, Request};
 use truepose::effects::{Ambient, Conditions, Effect, KINDS, Selector, Wish};
 use truepose::model::{BakedChain, Model};
+use truepose::taught::polynomial::{Block, MAX_DEGREE, terms};
+use truepose::taught::{Cmac, Polynomial, Region, cmac};
 use truepose::{BakedJoint, Joint, JointKind, LinkMass, Method, Pose, Settings, Twist, bake};
 
 use crate::draws::Draws;
@@ -267,6 +269,110 @@ fn joints<const N: usize>(out: &mut dyn Write, clock: &impl Clock) -> fmt::Resul
     Ok(())
 }
 
+/// Numbers that mean nothing, as tables.
+static TABLE: [u8; 12 * 1024] = table();
+
+const fn table() -> [u8; 12 * 1024] {
+    let mut bytes = [0; 12 * 1024];
+    let (mut place, mut state) = (0, 7u32);
+    while place < bytes.len() {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        // The upper byte of an f32: its magnitude stays below 2.
+        bytes[place] = if place % 4 == 3 {
+            0x3F
+        } else {
+            (state >> 24) as u8
+        };
+        place += 1;
+    }
+    bytes
+}
+
+/// Look-ups in tables of all sizes, at commands inside and beyond their region.
+fn lookups<const N: usize>(out: &mut dyn Write, clock: &impl Clock) -> fmt::Result {
+    let mut random = Random(Draws::seeded(900 + N as u64));
+    let region = |inputs| Region(core::iter::repeat_n([-1.0, 1.0], inputs).collect());
+    let (mut count, mut most) = (0, [0, 0]);
+    for _ in 0..ARMS {
+        let inputs = 1 + usize::from(random.below(u8::try_from(N).unwrap_or(1)));
+        let Some(polynomial) = polynomial::<N>(&mut random, inputs) else {
+            continue;
+        };
+        let side = 1 + random.below(3);
+        let layout = cmac::Layout {
+            layers: u8::try_from(N).unwrap_or(0) + 1 + random.below(8),
+            cells: side,
+        };
+        let bytes = layout.words(N).unwrap_or(0).saturating_mul(2 * N);
+        let cmac = Cmac {
+            region: region(N),
+            layout,
+            scale: core::iter::repeat_n(1e-6, N).collect(),
+            // One that is too large reads nothing, and is not looked at.
+            table: TABLE.get(..bytes).unwrap_or(&TABLE),
+        };
+        for _ in 0..REQUESTS {
+            count += 1;
+            let mut q = [0.0; N];
+            for q in &mut q {
+                *q = 1.04 * random.0.symmetric();
+            }
+            let began = clock.now();
+            black_box(black_box(&polynomial).evaluate(black_box(&q)));
+            let taken = clock.elapsed(began);
+            let began = clock.now();
+            black_box(black_box(&cmac).evaluate(black_box(&q)));
+            let both = [
+                (taken, polynomial.instructions(N)),
+                (clock.elapsed(began), cmac.instructions(N)),
+            ];
+            for (most, (taken, bound)) in most.iter_mut().zip(both) {
+                let bound = u32::try_from(bound).unwrap_or(u32::MAX);
+                *most = (*most).max(taken * 100 / bound);
+                if taken > bound {
+                    writeln!(
+                        out,
+                        "exceeded: a look-up of {N} joints, {inputs} inputs, {taken}, bound {bound}"
+                    )?;
+                }
+            }
+        }
+    }
+    let [polynomials, cmacs] = most;
+    writeln!(
+        out,
+        "{N} joints, {count} look-ups: polynomials {polynomials} % of their bound, cells {cmacs} %"
+    )
+}
+
+/// Polynomials of the first `inputs` joints, and of the others for the tool, as large as there
+/// are numbers for.
+fn polynomial<const N: usize>(
+    random: &mut Random,
+    inputs: usize,
+) -> Option<Polynomial<'static, f32>> {
+    let block = |random: &mut Random, inputs: usize, outputs: usize| {
+        let mut degree = random.below(MAX_DEGREE + 1);
+        let mut length = usize::MAX;
+        while TABLE.len() < length {
+            length = terms(inputs, usize::from(degree)) * outputs * 4;
+            degree = degree.saturating_sub(u8::from(TABLE.len() < length));
+        }
+        Some(Block {
+            region: Region(core::iter::repeat_n([-1.0, 1.0], inputs).collect()),
+            degree,
+            coefficients: TABLE.get(..length)?,
+        })
+    };
+    Some(Polynomial {
+        joints: block(random, inputs, N)?,
+        tool: match N - inputs {
+            0 => None,
+            rest => Some(block(random, rest, 3)?),
+        },
+    })
+}
+
 /// Tries them all.
 pub fn print(out: &mut dyn Write, clock: &impl Clock) -> fmt::Result {
     joints::<1>(out, clock)?;
@@ -275,5 +381,9 @@ pub fn print(out: &mut dyn Write, clock: &impl Clock) -> fmt::Result {
     joints::<4>(out, clock)?;
     joints::<5>(out, clock)?;
     joints::<6>(out, clock)?;
-    joints::<7>(out, clock)
+    joints::<7>(out, clock)?;
+    lookups::<2>(out, clock)?;
+    lookups::<3>(out, clock)?;
+    lookups::<6>(out, clock)?;
+    lookups::<7>(out, clock)
 }

@@ -33,16 +33,24 @@ fn no_request_costs_more_than_its_bound() -> Result<(), Box<dyn Error>> {
     assert!(!text.contains("exceeded"), "{text}");
     let mut requests = 0;
     let mut tightest = 0;
+    let (mut lookups, mut polynomials) = (0, 0);
     for line in text.lines() {
         let number = |before: &str| -> Option<u32> {
             let end = line.find(before)?;
             line.get(..end)?.rsplit([' ', '(']).next()?.parse().ok()
         };
+        if let Some(looked_up) = number(" look-ups") {
+            lookups += looked_up;
+            polynomials = polynomials.max(number(" % of their bound").ok_or(line)?);
+            continue;
+        }
         requests += number(" requests").ok_or(line)?;
         tightest = tightest.max(number(" % of its bound").ok_or(line)?);
     }
     assert!(requests >= 10_000, "{requests} requests");
     // A bound far above everything would hold as well.
     assert!(tightest >= 80, "{tightest} %");
+    assert!(lookups >= 1000, "{lookups} look-ups");
+    assert!(polynomials >= 80, "{polynomials} %");
     Ok(())
 }
