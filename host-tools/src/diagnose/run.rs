@@ -162,7 +162,11 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
 
     progress("looking for rivals");
     let verify: Vec<&Observation> = problem.verify.iter().collect();
-    let (thin, thin_verify) = (thinned(&kept), thinned(&verify));
+    // a reading that is grossly wrong says nothing of an effect
+    let wrong = gross(&model.arm, &verify, sigmas);
+    let right = (0..verify.len()).filter(|i| !wrong.contains(i));
+    let right: Vec<&Observation> = right.map(|i| verify[i]).collect();
+    let (thin, thin_verify) = (thinned(&kept), thinned(&right));
     let disproportion = disproportion(&model, &thin, &thin_verify, sigmas);
     let opponent = opponent(&model, &thin, &thin_verify, sigmas);
     let complete = deployable(&model.arm);
