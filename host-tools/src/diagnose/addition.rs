@@ -298,7 +298,8 @@ pub(super) fn smoothest(
 /// among all candidates, and among those with a name. A name has to hold against other names;
 /// what can be found by looking at thousands of nameless terms is no argument against it.
 ///
-/// In blocks of time what drifts is no choice: there is nothing that it could be predicted from.
+/// In blocks of time a name that drifts is no choice among names: there is nothing that it could
+/// be predicted from.
 fn chosen(
     held_back: &[HeldBack<'_>; 3],
     groups: &[(usize, usize)],
@@ -308,7 +309,7 @@ fn chosen(
 ) -> [[Comparison; 3]; 2] {
     [false, true].map(|only_names| {
         [0, 1, 2].map(|b| {
-            let may = |k: &usize| (!only_names || has_name(*k)) && (b != 1 || !drifts(*k));
+            let may = |k: &usize| !only_names || (has_name(*k) && (b != 1 || !drifts(*k)));
             let of: Vec<usize> = (0..groups.len()).filter(may).collect();
             let groups: Vec<(usize, usize)> = of.iter().map(|&k| groups[k]).collect();
             let weights: Vec<f64> = of.iter().map(|&k| weights[k]).collect();

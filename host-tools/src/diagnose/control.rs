@@ -47,14 +47,14 @@ fn covariate(hypothesis: &Hypothesis) -> &'static str {
         Members::Effects(effects) => {
             if let Some(Effect::Unnamed(term)) = effects.first() {
                 let factors = term.factors.iter().filter(|f| **f != ONE);
-                let conditions = factors.filter_map(|f| match f.variable {
+                let mut conditions = factors.filter_map(|f| match f.variable {
                     Variable::Joint(_) => None,
                     Variable::Direction(_) => Some("direction"),
                     Variable::Time => Some("time"),
                     Variable::Temperature(_) => Some("temperature"),
                     Variable::Payload => Some("payload"),
                 });
-                return conditions.last().unwrap_or("readings");
+                return conditions.next().unwrap_or("readings");
             }
         }
     }

@@ -227,13 +227,12 @@ fn steps(out: &mut String, evidence: &[Evidence]) -> std::fmt::Result {
             held_back[2],
             probability(e.ln_p.exp().min(1.0))
         )?;
-        for sentence in [
+        let said = [
             e.doubt.as_deref().map(in_doubt),
             e.control.map(|c| against(&c)),
-        ] {
-            if let Some(sentence) = sentence {
-                writeln!(out, "    {sentence}")?;
-            }
+        ];
+        for sentence in said.into_iter().flatten() {
+            writeln!(out, "    {sentence}")?;
         }
         for r in e.rivals.iter().take(RIVALS) {
             writeln!(
