@@ -16,6 +16,7 @@ pub mod link;
 pub mod model;
 pub mod params;
 mod pose;
+mod prepared;
 mod scalar;
 mod settings;
 #[cfg(feature = "storage")]
@@ -26,5 +27,6 @@ pub use chain::{BakedJoint, Frame, Gauge, LinkMass, bake, forward};
 pub use joint::{Convention, Joint, JointKind, Parameter, ParameterTwist};
 pub use model::{Arm, BakedChain, Model, Room, Scratch};
 pub use pose::{Pose, StoredPose, Twist};
+pub use prepared::{Prepared, PreparedJoint};
 pub use scalar::Scalar;
 pub use settings::{Method, Settings};

@@ -4,7 +4,8 @@ use heapless::Vec;
 use nalgebra::Vector3;
 
 use crate::chain::{BakedJoint, Frame, forward};
-use crate::effects::{Ambient, Conditions, Effect, Posture, Reading, Stage, gravity_loads};
+use crate::effects::{Ambient, Conditions, Effect, Posture, gravity_loads};
+use crate::prepared::{Prepared, PreparedJoint};
 use crate::taught::Taught;
 use crate::{Pose, Scalar, Settings, Twist};
 
@@ -29,8 +30,8 @@ pub struct Arm<'m, T: Scalar> {
 /// Room for one evaluation; every slice has one place a joint.
 #[derive(Debug)]
 pub struct Scratch<'s, T: Scalar> {
-    /// Readings with what the effects add, rad or m.
-    pub q: &'s mut [T],
+    /// What effects add to the readings, rad or m.
+    pub additions: &'s mut [T],
     /// Baked frames after each motion.
     pub frames: &'s mut [Frame<T>],
     /// Gravity's moments, N m; left alone where no effect needs them.
@@ -56,55 +57,7 @@ impl<T: Scalar> Prediction<T> {
 }
 
 impl<T: Scalar> Arm<'_, T> {
-    /// Where the tool is at the readings `q` (rad or m): effects on the readings, the chain,
-    /// effects of the posture, in this order.
-    pub fn predict(
-        &self,
-        q: &[T],
-        direction: &[T],
-        ambient: &Ambient<T>,
-        scratch: &mut Scratch<'_, T>,
-    ) -> Prediction<T> {
-        for (corrected, &q) in scratch.q.iter_mut().zip(q) {
-            *corrected = q;
-        }
-        let reading = Reading {
-            q,
-            direction,
-            ambient,
-        };
-        let (mut posture, mut loaded) = (false, false);
-        for effect in self.effects {
-            match effect.stage() {
-                Stage::Reading => {
-                    let (j, addition) = effect.addition(&reading);
-                    if let Some(corrected) = scratch.q.get_mut(j) {
-                        *corrected += addition;
-                    }
-                }
-                Stage::Posture => {
-                    posture = true;
-                    loaded = loaded || effect.loaded();
-                }
-            }
-        }
-        let rigid = forward(self.base, self.joints, scratch.q, scratch.frames).then(self.tool);
-        let mut twist = Twist::zero();
-        if posture {
-            if loaded {
-                self.load(ambient, &rigid, scratch);
-            }
-            let posture = self.posture(q, direction, ambient, &rigid, scratch);
-            for effect in self.effects {
-                if effect.stage() == Stage::Posture {
-                    twist = twist.plus(&effect.displacement(&posture));
-                }
-            }
-        }
-        Prediction { rigid, twist }
-    }
-
-    /// Calls `look` with what posture effects may look at, after [`Arm::predict`] has filled
+    /// Calls `look` with what posture effects may look at, after [`Prepared::predict`] has filled
     /// `scratch` and returned `rigid` for the same arguments.
     pub fn with_posture(
         &self,
@@ -120,7 +73,7 @@ impl<T: Scalar> Arm<'_, T> {
     }
 
     /// Sets gravity's moments and forces.
-    fn load(&self, ambient: &Ambient<T>, rigid: &Pose<T>, scratch: &mut Scratch<'_, T>) {
+    pub(crate) fn load(&self, ambient: &Ambient<T>, rigid: &Pose<T>, scratch: &mut Scratch<'_, T>) {
         gravity_loads(
             self.joints,
             scratch.frames,
@@ -132,7 +85,7 @@ impl<T: Scalar> Arm<'_, T> {
         );
     }
 
-    fn posture<'s>(
+    pub(crate) fn posture<'s>(
         &'s self,
         q: &'s [T],
         direction: &'s [T],
@@ -228,7 +181,7 @@ pub struct Model<'a, T: Scalar, const N: usize> {
 /// Room for one evaluation of an arm with N joints.
 #[derive(Clone, Debug)]
 pub struct Room<T: Scalar, const N: usize> {
-    q: [T; N],
+    additions: [T; N],
     frames: [Frame<T>; N],
     moments: [Vector3<T>; N],
     forces: [Vector3<T>; N],
@@ -237,7 +190,7 @@ pub struct Room<T: Scalar, const N: usize> {
 impl<T: Scalar, const N: usize> Default for Room<T, N> {
     fn default() -> Self {
         Self {
-            q: [T::zero(); N],
+            additions: [T::zero(); N],
             frames: [Frame::identity(); N],
             moments: [Vector3::zeros(); N],
             forces: [Vector3::zeros(); N],
@@ -254,7 +207,7 @@ impl<T: Scalar, const N: usize> Room<T, N> {
     /// As slices.
     pub fn scratch(&mut self) -> Scratch<'_, T> {
         Scratch {
-            q: &mut self.q,
+            additions: &mut self.additions,
             frames: &mut self.frames,
             moments: &mut self.moments,
             forces: &mut self.forces,
@@ -278,20 +231,27 @@ impl<T: Scalar, const N: usize> Model<'_, T, N> {
     }
 
     /// Where the calibrated arm's tool is in the world.
+    #[inline(never)]
     pub fn predict(&self, q: &[T; N], conditions: &Conditions<T, N>) -> Pose<T> {
-        let mut room = Room::<T, N>::default();
-        self.calibrated
-            .arm(&self.effects)
-            .predict(
-                q,
-                &conditions.direction,
-                &conditions.ambient,
-                &mut room.scratch(),
-            )
+        let mut joints = [PreparedJoint::empty(); N];
+        let prepared = self.prepare(conditions, &mut joints);
+        prepared
+            .predict(q, &mut Room::<T, N>::default().scratch())
             .pose()
     }
 
+    /// The calibrated arm with its effects under `conditions`.
+    pub fn prepare<'p>(
+        &'p self,
+        conditions: &'p Conditions<T, N>,
+        joints: &'p mut [PreparedJoint<T>; N],
+    ) -> Prepared<'p, T> {
+        let arm = self.calibrated.arm(&self.effects);
+        arm.prepare(&conditions.direction, &conditions.ambient, joints)
+    }
+
     /// Where the controller's own kinematics put the tool in the world.
+    #[inline(never)]
     pub fn nominal_pose(&self, q: &[T; N]) -> Pose<T> {
         let mut frames = [Frame::identity(); N];
         let nominal = &self.nominal;

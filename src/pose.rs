@@ -246,8 +246,15 @@ impl<T: Scalar> Pose<T> {
         }
     }
 
-    /// Rotation by a rotation vector (rad), Rodrigues' formula.
+    /// Rotation by a rotation vector (rad).
     pub fn from_rotation_vector(w: &Vector3<T>) -> Self {
+        Self::identity().displaced(&Twist::new(Vector3::zeros(), *w))
+    }
+
+    /// Displaced by a small `twist` (axes of A at B's origin): the translation is added, the
+    /// rotation vector turns the rotation from the left, by Rodrigues' formula.
+    pub fn displaced(&self, twist: &Twist<T>) -> Self {
+        let w = &twist.angular;
         let angle2 = w.norm_squared();
         // Below this angle the series to the fourth power is exact to rounding.
         let (a, b) = if angle2 * angle2 < T::EPSILON {
@@ -259,16 +266,12 @@ impl<T: Scalar> Pose<T> {
             let (s, c) = angle.sincos();
             (s / angle, (T::one() - c) / angle2)
         };
-        let k = w.cross_matrix();
-        Self::new(Matrix3::identity() + k * a + k * k * b, Vector3::zeros())
-    }
-
-    /// Displaced by a small `twist` (axes of A at B's origin): the translation is added, the
-    /// rotation vector turns the rotation from the left.
-    pub fn displaced(&self, twist: &Twist<T>) -> Self {
-        let turn = Self::from_rotation_vector(&twist.angular);
+        let axes = columns(&self.rotation).map(|axis| {
+            let once = w.cross(&axis);
+            axis + once * a + w.cross(&once) * b
+        });
         Self::new(
-            turn.rotation * self.rotation,
+            Matrix3::from_columns(&axes),
             self.translation + twist.linear,
         )
     }

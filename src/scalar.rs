@@ -30,6 +30,14 @@ pub trait Scalar: RealField + Copy + Load {
     /// below 1.7e-7 (`f32`, |self| <= 7). Cost: `sine_and_cosine` in `docs/COST.md`.
     fn sincos_beside(self, offset: Self) -> (Self, Self);
 
+    /// Sine and cosine of an angle after a turn by `by` rad, from those before it: error as of
+    /// [`Scalar::sincos`], on top of theirs.
+    #[inline]
+    fn turned(sine: Self, cosine: Self, by: Self) -> (Self, Self) {
+        let (s, c) = by.sincos();
+        (sine * c + cosine * s, cosine * c - sine * s)
+    }
+
     /// Angle of the point (`x`, `self`) in (-pi, pi], rad, the same bits on every core.
     fn arctangent2(self, x: Self) -> Self;
 
@@ -49,6 +57,13 @@ pub trait Scalar: RealField + Copy + Load {
     /// Largest integer not above `self`, and what is left, in [0, 1]. Both 0 for NaN; beyond
     /// the integers' range the nearest of them and a rest of 0 or 1.
     fn split(self) -> (i32, Self);
+
+    /// [`Scalar::split`] of a number between -2^21 and 2^21; a whole number may come as the one
+    /// below it and a rest of 1.
+    #[inline]
+    fn split_near(self) -> (i32, Self) {
+        self.split()
+    }
 
     /// A small integer as a number, exact.
     fn count(x: i16) -> Self;
@@ -149,6 +164,22 @@ impl Scalar for f32 {
         )
     }
 
+    #[inline]
+    fn turned(sine: Self, cosine: Self, by: Self) -> (Self, Self) {
+        if by.abs() > 0.02 {
+            let (s, c) = by.sincos();
+            return (sine * c + cosine * s, cosine * c - sine * s);
+        }
+        // The next terms of the series are below 7e-9.
+        let versine = by * by * 0.5;
+        let s = by - by * versine * (1.0 / 3.0);
+        (
+            (cosine * s - sine * versine) + sine,
+            cosine - (sine * s + cosine * versine),
+        )
+    }
+
+    #[inline(never)]
     fn arctangent2(self, x: Self) -> Self {
         libm::atan2f(self, x)
     }
@@ -180,6 +211,15 @@ impl Scalar for f32 {
     #[inline]
     fn split(self) -> (i32, Self) {
         split!(self, Self)
+    }
+
+    #[inline]
+    fn split_near(self) -> (i32, Self) {
+        // As in `sincos_beside`; the 22 bits below the leading ones are the integer.
+        const ROUND: f32 = 12_582_912.0;
+        let shifted = (self - 0.5) + ROUND;
+        let whole = (shifted.to_bits() << 10).cast_signed() >> 10;
+        (whole, self - (shifted - ROUND))
     }
 
     #[inline]
@@ -247,6 +287,7 @@ impl Scalar for f64 {
         (sine * c + cosine * s, cosine * c - sine * s)
     }
 
+    #[inline(never)]
     fn arctangent2(self, x: Self) -> Self {
         libm::atan2(self, x)
     }

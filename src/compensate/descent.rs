@@ -1,21 +1,23 @@
 //! The iteration that the model-based compensators share: damped steps, each tested against
 //! the model before it counts.
 
+use nalgebra::Vector3;
+
 use super::Status;
 use super::error::{PoseError, between};
 use super::inverse_jacobian::singular_effort;
 use super::step::{Columns, Ready, clearance, confined, damped_step, within_box};
 use crate::budget::{Budget, Clock, Cost};
-use crate::effects::Conditions;
 use crate::jacobian::joint_column;
-use crate::model::{Arm, Room};
-use crate::{Pose, Scalar, Settings, Twist};
+use crate::model::Room;
+use crate::{BakedJoint, Frame, Pose, Prepared, Scalar, Settings, Twist};
 
 /// One problem: reach `desired` from `start` without leaving `room`.
 pub(super) struct Descent<'p, T: Scalar, const N: usize> {
-    pub(super) arm: Arm<'p, T>,
+    /// The calibrated arm under the request's conditions.
+    pub(super) arm: &'p Prepared<'p, T>,
+    pub(super) joints: &'p [BakedJoint<T>; N],
     pub(super) settings: &'p Settings<T>,
-    pub(super) conditions: &'p Conditions<T, N>,
     pub(super) desired: Pose<T>,
     /// The command that came in, inside the limits.
     pub(super) start: [T; N],
@@ -38,7 +40,7 @@ pub(super) struct Point<T: Scalar, const N: usize> {
     /// Square of the weighted error.
     pub(super) square: T,
     /// Tool point of the rigid chain, m.
-    tool: nalgebra::Vector3<T>,
+    tool: Vector3<T>,
 }
 
 /// Steps that bring less than a quarter of what the linear model promises are shortened, at
@@ -160,6 +162,7 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
 
     /// The step from `best`, whose frames are in `room`, and twice what the merit falls along
     /// it at first; `None` where there is nothing to gain.
+    #[inline(never)]
     fn step(
         &self,
         best: &Point<T, N>,
@@ -209,14 +212,9 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
     }
 
     /// Where the model puts `q`; `None` if nowhere finite.
+    #[inline(never)]
     pub(super) fn evaluate(&self, q: [T; N], room: &mut Room<T, N>) -> Option<Point<T, N>> {
-        let conditions = self.conditions;
-        let prediction = self.arm.predict(
-            &q,
-            &conditions.direction,
-            &conditions.ambient,
-            &mut room.scratch(),
-        );
+        let prediction = self.arm.predict(&q, &mut room.scratch());
         let twist = if prediction.twist == Twist::zero() {
             between(&prediction.rigid, &self.desired)
         } else {
@@ -254,12 +252,11 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
     }
 
     pub(super) fn weighted(&self, twist: &Twist<T>) -> [T; 6] {
-        let (p, o) = (
-            self.settings.position_weight,
-            self.settings.orientation_weight,
-        );
-        let [a, b, c, d, e, f] = twist.rows();
-        [a * p, b * p, c * p, d * o, e * o, f * o]
+        let settings = self.settings;
+        weighted(
+            twist,
+            [settings.position_weight, settings.orientation_weight],
+        )
     }
 
     /// The joints' share of a small displacement `twist` of the tool at `point`, whose frames
@@ -278,10 +275,17 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
     /// Weighted joint Jacobian at `point`, whose frames are in `room`.
     fn columns(&self, point: &Point<T, N>, room: &Room<T, N>) -> Columns<T, N> {
         let mut columns = [[T::zero(); 6]; N];
-        let joints = self.arm.joints.iter().zip(room.frames());
-        for (column, (joint, frame)) in columns.iter_mut().zip(joints) {
-            *column = self.weighted(&joint_column(joint.kind, frame, &point.tool));
-        }
+        let weights = [
+            self.settings.position_weight,
+            self.settings.orientation_weight,
+        ];
+        weighted_jacobian(
+            self.joints,
+            room.frames(),
+            &point.tool,
+            weights,
+            &mut columns,
+        );
         columns
     }
 
@@ -319,5 +323,26 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         let below = |x: T, tolerance: T| x <= tolerance || x <= floor;
         below(point.error.position, settings.position_tolerance)
             && below(point.error.orientation, settings.orientation_tolerance)
+    }
+}
+
+/// Position rows by the first weight, orientation rows by the second.
+#[inline]
+fn weighted<T: Scalar>(twist: &Twist<T>, [p, o]: [T; 2]) -> [T; 6] {
+    let [a, b, c, d, e, f] = twist.rows();
+    [a * p, b * p, c * p, d * o, e * o, f * o]
+}
+
+/// Columns of the weighted joint Jacobian about `tool`.
+#[inline(never)]
+fn weighted_jacobian<T: Scalar>(
+    joints: &[BakedJoint<T>],
+    frames: &[Frame<T>],
+    tool: &Vector3<T>,
+    weights: [T; 2],
+    columns: &mut [[T; 6]],
+) {
+    for (column, (joint, frame)) in columns.iter_mut().zip(joints.iter().zip(frames)) {
+        *column = weighted(&joint_column(joint.kind, frame, tool), weights);
     }
 }

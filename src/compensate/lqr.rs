@@ -20,7 +20,7 @@ use super::step::{Columns, damped_step};
 use crate::{BakedJoint, JointKind, Scalar};
 
 /// Share of a joint's travel at each end in which corrections of it become dearer.
-const MARGIN: f64 = 0.02;
+pub(super) const MARGIN: f64 = 0.02;
 
 /// The correction `u` that minimises `|error - columns u|² + sum of γ_k u_k²`: MRD 5.159 with
 /// `error` desired minus predicted, both already weighted.

@@ -6,7 +6,7 @@ use super::step::Columns;
 use crate::effects::Conditions;
 use crate::jacobian::joint_column;
 use crate::model::{Model, Room};
-use crate::{Pose, Scalar, Twist};
+use crate::{Pose, PreparedJoint, Scalar, Twist};
 
 /// Joints that are tried together; the ones after these are rounded one by one.
 const TOGETHER: usize = 12;
@@ -27,12 +27,9 @@ pub fn nearest<T: Scalar, const N: usize>(
     conditions: &Conditions<T, N>,
 ) -> [T; N] {
     let mut room = Room::<T, N>::default();
-    let prediction = model.calibrated.arm(&model.effects).predict(
-        q,
-        &conditions.direction,
-        &conditions.ambient,
-        &mut room.scratch(),
-    );
+    let mut joints = [PreparedJoint::empty(); N];
+    let prepared = model.prepare(conditions, &mut joints);
+    let prediction = prepared.predict(q, &mut room.scratch());
     let weighted = |twist: &Twist<T>| {
         let (p, o) = (
             model.settings.position_weight,

@@ -28,7 +28,7 @@ pub mod wrist_jacobian;
 use crate::budget::{Budget, Clock, Cost};
 use crate::effects::Conditions;
 use crate::model::Model;
-use crate::{Method, Pose, Scalar, Settings};
+use crate::{Method, Pose, PreparedJoint, Scalar, Settings};
 
 use descent::Descent;
 pub use error::PoseError;
@@ -144,7 +144,8 @@ pub struct Outcome<T: Scalar, const N: usize> {
     /// Predicted pose error of the nominal command (clamped to the limits); `None` where it
     /// was not computed.
     pub initial: Option<PoseError<T>>,
-    /// Predicted pose error of `q`; `None` where it was not computed.
+    /// Predicted pose error of `q`, or a bound of it where that will do; `None` where it was
+    /// not computed.
     pub remaining: Option<PoseError<T>>,
     /// Joints that stand at a limit or at the correction bound.
     pub clamped: [bool; N],
@@ -258,7 +259,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
     ) -> Outcome<T, N> {
         let [cost, plain] = self.costs;
         // The plain case checks the joints and the pose as it goes.
-        if self.settings.method == Method::InverseJacobian
+        if matches!(self.settings.method, Method::InverseJacobian | Method::Lqr)
             && known(&request.conditions)
             && budget.fits(plain.start)
         {
@@ -330,10 +331,11 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
                 &self.model.limits,
             ),
         };
+        let mut prepared = [PreparedJoint::empty(); N];
         let mut descent = Descent {
-            arm: self.model.calibrated.arm(&self.model.effects),
+            arm: &self.model.prepare(&request.conditions, &mut prepared),
+            joints: &self.model.calibrated.joints,
             settings: &self.settings,
-            conditions: &request.conditions,
             desired,
             start,
             room: self.room(&start),

@@ -43,7 +43,7 @@ impl<T: Scalar> Factor<T, 6> {
     }
 
     /// Solution of `L D Lᵀ x = b`.
-    #[inline]
+    #[inline(never)]
     pub(super) fn solve_six(&self, b: &[T; 6]) -> [T; 6] {
         let (l, d) = (&self.l, &self.inverse_d);
         let mut x = *b;

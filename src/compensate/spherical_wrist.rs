@@ -34,6 +34,7 @@ impl<'m, T: Scalar> SphericalWrist<'m, T> {
     /// The joints (rad) that put the tool nominally at `pose` in the world, of up to eight
     /// solutions the one nearest to `near`, each joint by whole turns as near as it comes.
     /// Where the wrist is aligned, the fourth joint stays as in `near`. `None` out of reach.
+    #[inline(never)]
     pub fn inverse(&self, pose: &Pose<T>, near: &[T; 6]) -> Option<[T; 6]> {
         let chain = self.chain;
         let goal = chain.base.inverse().then(&pose.then(&chain.tool.inverse()));
@@ -78,6 +79,7 @@ impl<'m, T: Scalar> SphericalWrist<'m, T> {
     }
 
     /// Adds the two wrist solutions to an arm solution and keeps what is nearest.
+    #[inline(never)]
     fn wrist(
         &self,
         goal: &Pose<T>,

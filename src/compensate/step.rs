@@ -30,7 +30,7 @@ pub(super) struct Ready<T, const N: usize> {
 
 impl<T: Scalar, const N: usize> Ready<T, N> {
     /// The damped step without effort.
-    #[inline]
+    #[inline(never)]
     pub(super) fn step(&self, error: &[T; 6]) -> [T; N] {
         let y = self.factor.solve_six(error);
         let mut step = [T::zero(); N];
@@ -43,7 +43,7 @@ impl<T: Scalar, const N: usize> Ready<T, N> {
 
 /// The damped step `p`. `columns`: `W J`; `error`: `W e`; `effort`: diagonal of G; `away`:
 /// `q - start`; `damping`: `λ²`.
-#[inline]
+#[inline(never)]
 pub(super) fn damped_step<T: Scalar, const N: usize>(
     columns: &Columns<T, N>,
     error: &[T; 6],
@@ -74,12 +74,7 @@ pub(super) fn damped_step<T: Scalar, const N: usize>(
             }
         }
     }
-    let mut a = [[T::zero(); 6]; 6];
-    for (column, &ease) in columns.iter().zip(&ease) {
-        accumulate(&mut a, column, ease);
-    }
-    add_diagonal(&mut a, smallest);
-    let y = Factor::of_six(&a, smallest).solve_six(&right);
+    let y = factor_of(columns, &ease, smallest).solve_six(&right);
     let mut step = [T::zero(); N];
     for ((step, column), (&ease, &back)) in step.iter_mut().zip(columns).zip(ease.iter().zip(&back))
     {
@@ -135,6 +130,7 @@ fn add_diagonal<T: Scalar, const K: usize>(a: &mut [[T; K]; K], value: T) {
 /// joints. `damping` is added to each. `weights`: position and orientation; a weight of zero
 /// takes its three directions out. From six joints on the factor of `W J Jᵀ W + λ² I` comes
 /// with it.
+#[inline(never)]
 pub(super) fn clearance<T: Scalar, const N: usize>(
     columns: &Columns<T, N>,
     weights: [T; 2],
@@ -146,16 +142,22 @@ pub(super) fn clearance<T: Scalar, const N: usize>(
         let factor = Factor::of(&h, damping);
         (T::one() / factor.inverse_trace(&[T::one(); N]), None)
     } else {
-        let mut a = [[T::zero(); 6]; 6];
-        for column in columns {
-            accumulate(&mut a, column, T::one());
-        }
-        add_diagonal(&mut a, damping);
+        let factor = factor_of(columns, &[T::one(); N], damping);
         let [p, o] = weights.map(|w| w * w);
-        let factor = Factor::of_six(&a, damping);
         let trace = factor.inverse_trace_six(&[p, p, p, o, o, o]);
         (T::one() / trace, Some(factor))
     }
+}
+
+/// Of `W J S Jᵀ W + μ I`, S diagonal.
+#[inline(never)]
+fn factor_of<T: Scalar>(columns: &[[T; 6]], s: &[T], mu: T) -> Factor<T, 6> {
+    let mut a = [[T::zero(); 6]; 6];
+    for (column, &s) in columns.iter().zip(s) {
+        accumulate(&mut a, column, s);
+    }
+    add_diagonal(&mut a, mu);
+    Factor::of_six(&a, mu)
 }
 
 /// Solves the linearised problem inside the box `low <= q <= high` by coordinate descent,
@@ -171,23 +173,65 @@ pub(super) fn within_box<T: Scalar, const N: usize>(
     room: &[[T; 2]; N],
     p: &mut [T; N],
 ) {
-    let mut left = *error;
-    for ((p, room), column) in p.iter_mut().zip(room).zip(columns) {
-        *p = confined(*p, room);
-        for (left, &c) in left.iter_mut().zip(column) {
-            *left -= c * *p;
+    let mut joints = [Along::default(); N];
+    let places = joints.iter_mut().zip(columns).zip(effort);
+    for (((joint, column), &g), &d) in places.zip(away) {
+        let stiffness = g + damping;
+        *joint = Along {
+            inverse: T::one() / (dot(column, column) + stiffness),
+            stiffness,
+            pull: g * d,
+        };
+    }
+    sweep(columns, error, &joints, room, p);
+}
+
+/// What a joint brings into [`sweep`].
+#[derive(Clone, Copy)]
+struct Along<T> {
+    /// One over the second derivative of half the cost.
+    inverse: T,
+    /// Of effort and damping alone.
+    stiffness: T,
+    /// Of the effort, at no step.
+    pull: T,
+}
+
+impl<T: Scalar> Default for Along<T> {
+    fn default() -> Self {
+        let o = T::zero();
+        Self {
+            inverse: o,
+            stiffness: o,
+            pull: o,
         }
     }
+}
+
+#[inline(never)]
+fn sweep<T: Scalar>(
+    columns: &[[T; 6]],
+    error: &[T; 6],
+    joints: &[Along<T>],
+    room: &[[T; 2]],
+    p: &mut [T],
+) {
+    let mut left = *error;
+    let take = |left: &mut [T; 6], column: &[T; 6], change: T| {
+        for (left, &c) in left.iter_mut().zip(column) {
+            *left -= c * change;
+        }
+    };
+    for ((p, room), column) in p.iter_mut().zip(room).zip(columns) {
+        *p = confined(*p, room);
+        take(&mut left, column, *p);
+    }
     for _ in 0..SWEEPS {
-        let joints = columns.iter().zip(room).zip(effort.iter().zip(away));
-        for (p, ((column, room), (&g, &d))) in p.iter_mut().zip(joints) {
-            let pull = dot(column, &left) - g * (d + *p) - damping * *p;
-            let moved = confined(*p + pull / (dot(column, column) + g + damping), room);
-            let change = moved - *p;
+        for (p, ((column, room), joint)) in p.iter_mut().zip(columns.iter().zip(room).zip(joints)) {
+            let pull = dot(column, &left) - joint.pull - joint.stiffness * *p;
+            let moved = confined(*p + pull * joint.inverse, room);
+            take(&mut left, column, moved - *p);
             *p = moved;
-            for (left, &c) in left.iter_mut().zip(column) {
-                *left -= c * change;
-            }
         }
     }
 }

@@ -2,8 +2,10 @@
 //! as it takes: the plain case of [`super::descent`], which takes over wherever it is not
 //! plain.
 //!
-//! It solves the same problem by the same steps and so ends at the same joints. What it saves
-//! is the frames, the effort, and the last evaluation: a step `p` of a chain of turns leaves
+//! For the regulator too, as long as it asks the same price of all corrections, which is a
+//! damping towards the command that came in. It solves the same problem by the same steps and
+//! so ends at the same joints. What it saves is the frames, the effort, and the last
+//! evaluation: a step `p` of a chain of turns leaves
 //!
 //! ```text
 //! |remaining| <= D |y| + sum over k of |p_k| r_k (|p_k| / 2 + sum over j < k of |p_j|)   position
@@ -19,16 +21,18 @@ use nalgebra::{Matrix3, Vector3};
 use super::damped::{multipliers, share};
 use super::error::PoseError;
 use super::rigid::{Rest, approach, square};
-use super::{Compensator, Outcome, Request, Status};
+use super::{Compensator, Outcome, Request, Status, lqr};
 use crate::budget::{Budget, Clock, PLAIN_ITERATIONS};
 use crate::model::Model;
-use crate::{JointKind, Pose, Scalar, Settings, Twist};
+use crate::{JointKind, Method, Pose, Scalar, Settings, Twist};
 
 /// What does not change from request to request.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Constants<T: Scalar, const N: usize> {
-    /// Of the position and the orientation equations.
+    /// Of the position and the orientation equations, the price of a correction with it.
     damping: [T; 2],
+    /// Share of the price in that.
+    priced: T,
     /// Squares of the weights of position and orientation.
     weights: [T; 2],
     /// Square of the smallest singular value that counts as clear.
@@ -76,15 +80,24 @@ impl<T: Scalar, const N: usize> Constants<T, N> {
             *place = lever;
         }
         let half = T::of(0.5);
+        // The regulator's price, the same for all joints as long as they are clear of the
+        // margins in which it grows.
+        let (price, margin) = match settings.method {
+            Method::Lqr => (settings.effort, T::of(lqr::MARGIN)),
+            _ => (T::zero(), T::zero()),
+        };
+        let damping = settings.damping + price;
         Some(Self {
-            damping: [settings.damping / (p * p), settings.damping / (o * o)],
+            damping: [damping / (p * p), damping / (o * o)],
+            priced: price / damping,
             weights: [p * p, o * o],
             singular: settings.singular_value * settings.singular_value,
             levers,
             travel: model.limits.map(|[low, high]| {
                 // Rounding of the middle, of the half and of what is compared with them.
                 let rounding = (low.abs() + high.abs()) * T::EPSILON * T::of(4.0);
-                [(low + high) * half, (high - low) * half - rounding]
+                let range = high - low;
+                [(low + high) * half, range * (half - margin) - rounding]
             }),
             perceptible: model.resolution.iter().fold(T::zero(), |sum, &r| sum + r),
         })
@@ -218,7 +231,14 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             if !budget.fits(iteration_cycles) {
                 break (Status::OutOfBudget, now);
             }
-            let (y, trace) = multipliers(columns, constants.damping, &error, first);
+            // What a price asks back of the way so far, none yet at first.
+            let priced = if first { T::zero() } else { constants.priced };
+            let asked = if priced.is_zero() {
+                error
+            } else {
+                with_undone(&error, columns, &q, &request.q, priced)
+            };
+            let (y, trace) = multipliers(columns, constants.damping, &asked, first);
             // No price is put on corrections: `inverse_jacobian::singular_effort` is 0. NaN
             // is not clear.
             let clear = !first || trace * (constants.singular + merit) <= T::one();
@@ -231,8 +251,9 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
                 orientation: T::zero(),
             };
             let half = T::of(0.5);
-            for ((q, column), &lever) in q.iter_mut().zip(columns.iter()).zip(&constants.levers) {
-                let step = share(column, &y);
+            let joints = q.iter_mut().zip(&request.q).zip(columns.iter());
+            for (((q, &start), column), &lever) in joints.zip(&constants.levers) {
+                let step = share(column, &y) - (*q - start) * priced;
                 *q += step;
                 let step = step.abs();
                 curved.position += step * lever * (half * step + way);
@@ -246,8 +267,13 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             iterations += 1;
             let left = bound(&y, constants.damping, &curved);
             // Below a sixteenth of the error before, in the square: a quarter.
-            if left.below(&tolerance) && left.weighted(constants.weights) * T::of(16.0) <= before {
-                break (Status::Converged, left);
+            if left.weighted(constants.weights) * T::of(16.0) <= before {
+                if left.below(&tolerance) {
+                    break (Status::Converged, left);
+                }
+                if iterations >= settings.max_iterations {
+                    break (Status::IterationLimit, left);
+                }
             }
         };
         let bound = settings.correction_bound[0];
@@ -287,6 +313,22 @@ impl<T: Scalar> Rest<T> {
         let off = self.apart - (squares.orientation + squares.orientation);
         off.abs() <= T::of(1e-6)
     }
+}
+
+/// The error if `share` of the way from `start` to `q` were undone.
+#[inline(never)]
+fn with_undone<T: Scalar>(
+    error: &Twist<T>,
+    columns: &[Twist<T>],
+    q: &[T],
+    start: &[T],
+    share: T,
+) -> Twist<T> {
+    let mut undone = *error;
+    for ((column, &q), &start) in columns.iter().zip(q).zip(start) {
+        undone = undone.plus(&column.scaled((q - start) * share));
+    }
+    undone
 }
 
 /// What a step by `y` leaves at most: what the damping keeps back, and the remainder of

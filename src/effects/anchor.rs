@@ -148,7 +148,7 @@ impl<T: Scalar> Place<T> {
     }
 
     /// The base's displacement times `factor`.
-    #[inline]
+    #[inline(never)]
     pub(super) fn displaced(&self, at: &Posture<'_, T>, factor: T) -> Displacement<T> {
         let twist = match self {
             Self::Joint(_) => Twist::zero(),

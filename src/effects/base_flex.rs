@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Description, Displacement, EffectModel, Posture, Stage};
+use super::{Description, Displacement, EffectModel, Posture, Stage, unit};
 use crate::pose::columns;
 use crate::{Scalar, Twist};
 
@@ -79,8 +79,19 @@ impl<T: Scalar> EffectModel<T> for BaseFlex<T> {
         true
     }
 
-    #[inline]
     fn posture_partial(&self, k: usize, at: &Posture<'_, T>) -> Displacement<T> {
+        self.tilted(at, unit(k))
+    }
+
+    fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
+        self.tilted(at, self.compliance).at_tool(at)
+    }
+}
+
+impl<T: Scalar> BaseFlex<T> {
+    /// The displacement with these compliances.
+    #[inline(never)]
+    fn tilted(&self, at: &Posture<'_, T>, compliance: [T; 2]) -> Displacement<T> {
         let (Some(frame), Some(moment), Some(force)) =
             (at.frames.first(), at.moments.first(), at.forces.first())
         else {
@@ -88,10 +99,14 @@ impl<T: Scalar> EffectModel<T> for BaseFlex<T> {
         };
         let [x, y, origin] = &self.base;
         let origin = at.base.point(origin);
-        let axis = at.base.rotation * if k == 0 { x } else { y };
         let moment = moment + (frame.origin - origin).cross(force);
+        let mut turn = Vector3::zeros();
+        for (axis, c) in [x, y].into_iter().zip(compliance) {
+            let axis = at.base.rotation * axis;
+            turn += axis * (moment.dot(&axis) * c);
+        }
         Displacement {
-            twist: Twist::new(Vector3::zeros(), axis * moment.dot(&axis)),
+            twist: Twist::new(Vector3::zeros(), turn),
             origin,
         }
     }

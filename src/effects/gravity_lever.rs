@@ -3,9 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Anchor, Description, Displacement, EffectModel, Posture, Selector, Stage, about_joint,
+    Anchor, Description, Displacement, EffectModel, Posture, Selector, Stage, about_joint, unit,
 };
-use crate::Scalar;
+use crate::{Scalar, Twist};
 
 /// Free gravity lever: the part of a joint's compliance that comes from one link beyond it (or
 /// its own), as the product of compliance, mass and centre of mass.
@@ -87,14 +87,25 @@ impl<T: Scalar> EffectModel<T> for GravityLever<T> {
         Stage::Posture
     }
 
-    #[inline]
     fn posture_partial(&self, k: usize, at: &Posture<'_, T>) -> Displacement<T> {
+        self.turned(at, unit(k))
+    }
+
+    fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
+        self.turned(at, self.lever).at_tool(at)
+    }
+}
+
+impl<T: Scalar> GravityLever<T> {
+    /// The displacement with this lever.
+    #[inline(never)]
+    fn turned(&self, at: &Posture<'_, T>, [x, y]: [T; 2]) -> Displacement<T> {
         let mut d = about_joint(at, usize::from(self.joint));
         let Some(frame) = at.frames.get(usize::from(self.link)) else {
             return Displacement::zero();
         };
-        let [x, y] = self.anchor.axes(frame);
-        let lever = if k == 0 { x } else { y };
+        let axes = self.anchor.axes(frame);
+        let lever = axes[0] * x + axes[1] * y;
         d.twist = d
             .twist
             .scaled(d.twist.angular.dot(&lever.cross(at.gravity)));

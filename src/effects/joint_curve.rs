@@ -154,7 +154,46 @@ impl<T: Scalar> EffectModel<T> for JointCurve<'_, T> {
 
     #[inline]
     fn reading_partial(&self, _k: usize, at: &Reading<'_, T>) -> T {
-        let q = entry(at.q, usize::from(self.joint));
+        self.counts(entry(at.q, usize::from(self.joint)))
+    }
+}
+
+impl<T: Scalar> JointCurve<'_, T> {
+    /// The addition to the reading `q`, rad or m. Within a turn of the table either way it
+    /// needs no division.
+    #[inline]
+    pub(crate) fn at(&self, q: T) -> T {
+        let (cells, _) = self.table.as_chunks::<2>();
+        let x = q * self.density;
+        let count = i16::try_from(cells.len()).unwrap_or(0);
+        // NaN is not within.
+        if x.abs() < T::count(count) {
+            let (whole, fraction) = x.split_near();
+            let index = if whole < 0 {
+                whole + i32::from(count)
+            } else {
+                whole
+            };
+            let next = if index + 1 < i32::from(count) {
+                index + 1
+            } else {
+                0
+            };
+            let cell = |i| usize::try_from(i).ok().and_then(|i: usize| cells.get(i));
+            if let (Some(low), Some(high)) = (cell(index), cell(next)) {
+                let (low, high) = (i16::from_le_bytes(*low), i16::from_le_bytes(*high));
+                if low != UNMEASURED && high != UNMEASURED {
+                    let low = T::count(low);
+                    return (low + (T::count(high) - low) * fraction) * self.scale[0];
+                }
+            }
+        }
+        self.counts(q) * self.scale[0]
+    }
+
+    /// The same in counts of the table.
+    #[inline(never)]
+    fn counts(&self, q: T) -> T {
         let Some(hat) = hat(q, self.density, self.cells()) else {
             return T::zero();
         };

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Description, Displacement, EffectModel, Posture, Selector, Stage};
+use super::{Description, Displacement, EffectModel, Posture, Selector, Stage, unit};
 use crate::pose::columns;
 use crate::{Scalar, Twist};
 
@@ -163,39 +163,45 @@ impl<T: Scalar> EffectModel<T> for LinkBending<T> {
         true
     }
 
-    #[inline]
     fn posture_partial(&self, k: usize, at: &Posture<'_, T>) -> Displacement<T> {
+        self.bent(at, unit(k))
+    }
+
+    fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
+        self.bent(at, self.flexibility).at_tool(at)
+    }
+}
+
+impl<T: Scalar> LinkBending<T> {
+    /// The displacement with these flexibilities.
+    #[inline(never)]
+    fn bent(&self, at: &Posture<'_, T>, flexibility: [T; 2]) -> Displacement<T> {
         let j = usize::from(self.joint);
         let Some(frame) = at.frames.get(j) else {
             return Displacement::zero();
         };
         let end = frame.origin + frame.rotation * self.link.end;
-        let (moment, force) = beyond(at, j, &end);
+        let (mut moment, force) = beyond(at, j, &end);
         let [along, first, second] = &self.link.axes;
-        let (a, b) = if k == 0 {
-            (first, second)
-        } else {
-            (second, first)
-        };
-        let a = frame.rotation * a;
-        match self.bends {
-            Bends::AtEnd => Displacement {
-                twist: Twist::new(Vector3::zeros(), a * moment.dot(&a)),
-                origin: end,
-            },
-            Bends::Beam => {
-                let b = frame.rotation * b;
-                let l = self.link.length;
-                let half = frame.rotation * along * (l * T::of(0.5));
-                let moment = moment + half.cross(&force);
-                Displacement {
-                    twist: Twist::new(
-                        b * (l * l * l * T::of(1.0 / 12.0) * force.dot(&b)),
-                        a * (l * moment.dot(&a)),
-                    ),
-                    origin: end - half,
-                }
-            }
+        let first = frame.rotation * first;
+        let second = frame.rotation * second;
+        let [f, s] = flexibility;
+        let l = self.link.length;
+        let (mut linear, mut scale, mut origin) = (Vector3::zeros(), T::one(), end);
+        if self.bends == Bends::Beam {
+            let half = frame.rotation * along * (l * T::of(0.5));
+            moment += half.cross(&force);
+            let cubed = l * l * l * T::of(1.0 / 12.0);
+            linear =
+                second * (f * cubed * force.dot(&second)) + first * (s * cubed * force.dot(&first));
+            scale = l;
+            origin = end - half;
+        }
+        let angular =
+            first * (f * scale * moment.dot(&first)) + second * (s * scale * moment.dot(&second));
+        Displacement {
+            twist: Twist::new(linear, angular),
+            origin,
         }
     }
 }

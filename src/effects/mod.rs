@@ -235,6 +235,12 @@ macro_rules! effects {
                     && [selector.joint, selector.from].iter().flatten().all(|&j| j < joints)
             }
 
+            /// The joint that it acts on or through, counted from 0; `None` for the base.
+            #[inline]
+            pub fn joint(&self) -> Option<usize> {
+                match self { $(Self::$name(e) => e.joint()),+ }
+            }
+
             /// When it is evaluated.
             #[inline]
             pub fn stage(&self) -> Stage {
@@ -348,4 +354,13 @@ fn moved<T: Scalar>(
 #[inline]
 pub(crate) fn entry<T: Scalar>(slice: &[T], j: usize) -> T {
     slice.get(j).copied().unwrap_or_else(T::zero)
+}
+
+/// One in place `k` of two, zero in the other.
+fn unit<T: Scalar>(k: usize) -> [T; 2] {
+    let mut unit = [T::zero(); 2];
+    if let Some(place) = unit.get_mut(k) {
+        *place = T::one();
+    }
+    unit
 }

@@ -40,7 +40,7 @@ impl<T: Scalar> StepChange<T> {
     }
 
     #[inline]
-    fn factor(&self, ambient: &Ambient<T>) -> T {
+    pub(crate) fn factor(&self, ambient: &Ambient<T>) -> T {
         // False for a time that is not known.
         if ambient.time >= self.time {
             T::one()

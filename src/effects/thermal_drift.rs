@@ -43,7 +43,7 @@ impl<T: Scalar> ThermalDrift<T> {
     }
 
     #[inline]
-    fn factor(&self, ambient: &Ambient<T>) -> T {
+    pub(crate) fn factor(&self, ambient: &Ambient<T>) -> T {
         ambient.warming(self.sensor, self.reference)
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Description, Displacement, EffectModel, Posture, Selector, Stage, entry};
+use super::{Ambient, Description, Displacement, EffectModel, Posture, Selector, Stage, entry};
 use crate::{JointKind, Scalar, Twist};
 
 /// Thermal growth: lengthens the link beyond the joint by `growth` of its length per K, along
@@ -64,6 +64,14 @@ impl<T: Scalar> ThermalGrowth<T> {
             growth: self.growth.map(|x| U::of(x.widen())),
             link: self.link.map(|x| U::of(x.widen())),
         }
+    }
+}
+
+impl<T: Scalar> ThermalGrowth<T> {
+    /// Growth by the present warming, m per m.
+    #[inline]
+    pub(crate) fn longer(&self, ambient: &Ambient<T>) -> T {
+        ambient.warming(self.sensor, self.reference) * self.growth[0]
     }
 }
 
@@ -144,7 +152,7 @@ impl<T: Scalar> EffectModel<T> for ThermalGrowth<T> {
         let (Some(joint), Some(frame)) = (at.joints.get(j), at.frames.get(j)) else {
             return Twist::zero();
         };
-        let longer = at.ambient.warming(self.sensor, self.reference) * self.growth[0];
+        let longer = self.longer(at.ambient);
         let way = match (self.grows, joint.kind) {
             (Grows::Link, _) => frame.rotation * (self.link * longer),
             (Grows::Travel, JointKind::Prismatic) => frame.axis() * (entry(at.q, j) * longer),

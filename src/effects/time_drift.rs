@@ -37,7 +37,7 @@ impl<T: Scalar> TimeDrift<T> {
     }
 
     #[inline]
-    fn factor(&self, ambient: &Ambient<T>) -> T {
+    pub(crate) fn factor(&self, ambient: &Ambient<T>) -> T {
         since(ambient.time, T::zero())
     }
 }

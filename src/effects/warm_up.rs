@@ -40,7 +40,7 @@ impl<T: Scalar> WarmUp<T> {
     }
 
     #[inline]
-    fn factor(&self, ambient: &Ambient<T>) -> T {
+    pub(crate) fn factor(&self, ambient: &Ambient<T>) -> T {
         let time = ambient.time;
         if !time.finite() || self.tau <= T::zero() {
             return T::zero();

@@ -3,7 +3,9 @@
 use nalgebra::Vector3;
 use truepose::effects::{Ambient, Description, Effect, Posture};
 use truepose::model::Prediction;
-use truepose::{Arm, BakedJoint, Frame, Gauge, Joint, LinkMass, Pose, Scalar, Scratch, bake};
+use truepose::{
+    Arm, BakedJoint, Frame, Gauge, Joint, LinkMass, Pose, PreparedJoint, Scalar, Scratch, bake,
+};
 
 /// A described arm.
 #[derive(Clone)]
@@ -70,7 +72,7 @@ impl<T: Scalar> Baked<T> {
     ) -> Prediction<T> {
         let count = self.joints.len();
         let mut scratch = Scratch {
-            q: &mut vec![T::zero(); count],
+            additions: &mut vec![T::zero(); count],
             frames: &mut vec![Frame::identity(); count],
             moments: &mut vec![Vector3::zeros(); count],
             forces: &mut vec![Vector3::zeros(); count],
@@ -83,7 +85,9 @@ impl<T: Scalar> Baked<T> {
             effects,
         };
         let (q, direction, ambient) = (&given.q, &given.direction, &given.ambient);
-        let prediction = arm.predict(q, direction, ambient, &mut scratch);
+        let mut joints = vec![PreparedJoint::empty(); count];
+        let prepared = arm.prepare(direction, ambient, &mut joints);
+        let prediction = prepared.predict(q, &mut scratch);
         arm.with_posture(q, direction, ambient, &prediction.rigid, &mut scratch, look);
         prediction
     }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use truepose::effects::{Ambient, Effect, Reading, Stage};
 use truepose::jacobian::{AttachedTwist, reading_column};
-use truepose::{Frame, Pose, Scratch, Twist};
+use truepose::{Frame, Pose, PreparedJoint, Scratch, Twist};
 
 use super::arm::ArmModel;
 use super::attached::{At, Attached};
@@ -75,7 +75,8 @@ pub(super) fn paths(arm: &ArmModel, unknowns: &[Unknown]) -> Vec<Path> {
 pub struct Evaluator<'a> {
     arm: &'a ArmModel,
     sigmas: Sigmas,
-    q: Vec<f64>,
+    prepared: Vec<PreparedJoint<f64>>,
+    additions: Vec<f64>,
     frames: Vec<Frame<f64>>,
     moments: Vec<Vector3<f64>>,
     forces: Vec<Vector3<f64>>,
@@ -92,7 +93,8 @@ impl<'a> Evaluator<'a> {
         Self {
             arm,
             sigmas,
-            q: vec![0.0; n],
+            prepared: vec![PreparedJoint::empty(); n],
+            additions: vec![0.0; n],
             frames: vec![Frame::identity(); n],
             moments: vec![Vector3::zeros(); n],
             forces: vec![Vector3::zeros(); n],
@@ -111,17 +113,18 @@ impl<'a> Evaluator<'a> {
         direction: &[f64],
         ambient: &Ambient<f64>,
     ) -> Pose<f64> {
-        let prediction = self.arm.view(session).predict(
-            q,
-            direction,
-            ambient,
-            &mut Scratch {
-                q: &mut self.q,
-                frames: &mut self.frames,
-                moments: &mut self.moments,
-                forces: &mut self.forces,
-            },
-        );
+        let view = self.arm.view(session);
+        let prediction = view
+            .prepare(direction, ambient, &mut self.prepared)
+            .predict(
+                q,
+                &mut Scratch {
+                    additions: &mut self.additions,
+                    frames: &mut self.frames,
+                    moments: &mut self.moments,
+                    forces: &mut self.forces,
+                },
+            );
         self.rigid = prediction.rigid;
         self.pose = match self.arm.effects.is_empty() {
             true => prediction.rigid,
@@ -377,7 +380,7 @@ impl<'a> Evaluator<'a> {
             Stage::Posture => {
                 let rigid = self.rigid;
                 let mut scratch = Scratch {
-                    q: &mut self.q,
+                    additions: &mut self.additions,
                     frames: &mut self.frames,
                     moments: &mut self.moments,
                     forces: &mut self.forces,

@@ -1,8 +1,10 @@
 //! The functions of the control loop, called so that `tools/cost` can count them.
 //!
 //! Writes `name: meaning` for each function of [`measured`], `name = a - b: meaning` for what is
-//! the difference of two, and `effect KIND: first further` for the instructions that a first and a second
-//! effect of a kind add to one evaluation of the model, by the clock.
+//! the difference of two. By the clock, in instructions over those of a rigid arm, `effect KIND:
+//! first further prepared` for what a first and a second effect of a kind add to one evaluation
+//! of the model, and the first to its preparation; `effects SET: evaluation prepared` likewise
+//! for all of a set together.
 
 use core::fmt::{self, Write};
 use core::hint::black_box;
@@ -10,9 +12,12 @@ use core::hint::black_box;
 use nalgebra::{Matrix6, Vector6};
 use truepose::budget::Clock;
 use truepose::compensate::{Compensator, Request};
-use truepose::effects::{Ambient, Conditions, Effect, KINDS, Selector, Wish};
+use truepose::effects::{
+    Ambient, Backlash, Conditions, Effect, GearEccentricity, GearRipple, Grows, JointCompliance,
+    JointCurve, JointGain, KINDS, Selector, ThermalGrowth, Wish,
+};
 use truepose::jacobian::joint_column;
-use truepose::{Frame, Model, Settings, forward, params};
+use truepose::{Frame, Method, Model, PreparedJoint, Room, Settings, forward, params};
 
 use crate::arm::{JOINTS, TRAVEL};
 use crate::draws::Draws;
@@ -30,7 +35,9 @@ pub mod measured {
     use truepose::compensate::{Compensator, Outcome, Request};
     use truepose::effects::Conditions;
     use truepose::params::BlobError;
-    use truepose::{BakedChain, Frame, Model, Pose, Scalar, forward, params};
+    use truepose::{
+        BakedChain, Frame, Model, Pose, Prepared, PreparedJoint, Room, Scalar, forward, params,
+    };
 
     use crate::arm::JOINTS;
 
@@ -50,14 +57,24 @@ pub mod measured {
         forward(&chain.base, &chain.joints, q, frames).then(&chain.tool)
     }
 
+    /// The model under conditions.
+    #[inline(never)]
+    pub fn preparation<'p>(
+        model: &'p Model<'_, f32, JOINTS>,
+        conditions: &'p Conditions<f32, JOINTS>,
+        joints: &'p mut [PreparedJoint<f32>; JOINTS],
+    ) -> Prepared<'p, f32> {
+        model.prepare(conditions, joints)
+    }
+
     /// Where the model puts the tool.
     #[inline(never)]
     pub fn prediction(
-        model: &Model<'_, f32, JOINTS>,
+        model: &Prepared<'_, f32>,
         q: &[f32; JOINTS],
-        conditions: &Conditions<f32, JOINTS>,
+        room: &mut Room<f32, JOINTS>,
     ) -> Pose<f32> {
-        model.predict(q, conditions)
+        model.predict(q, &mut room.scratch()).pose()
     }
 
     /// A pose from its nominal joints.
@@ -86,6 +103,15 @@ pub mod measured {
         request: &Request<f32, JOINTS>,
     ) -> Outcome<f32, JOINTS> {
         compensator.correct(request, &mut Budget::cycles(&NoClock, 1 << 30))
+    }
+
+    /// One step of the linear quadratic regulator. Again another budget.
+    #[inline(never)]
+    pub fn regulated_pose(
+        compensator: &mut Compensator<'_, f32, JOINTS>,
+        request: &Request<f32, JOINTS>,
+    ) -> Outcome<f32, JOINTS> {
+        compensator.correct(request, &mut Budget::cycles(&NoClock, 1 << 29))
     }
 
     /// Nominal joints alone.
@@ -169,7 +195,16 @@ fn compensation(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Res
         out,
         "compensated_joints: the same from the nominal joints alone, whose pose is computed first"
     )?;
+    writeln!(
+        out,
+        "regulated_pose: a pose given, one step of the linear quadratic regulator, both ends evaluated"
+    )?;
     let mut draws = Draws::seeded(4);
+    let mut regulator = Compensator::new(model).with_settings(Settings {
+        method: Method::Lqr,
+        max_iterations: 1,
+        ..model.settings
+    });
     let mut compensator = Compensator::new(model);
     let mut once = Compensator::new(model).with_settings(Settings {
         max_iterations: 1,
@@ -202,6 +237,11 @@ fn compensation(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Res
             black_box(&mut twice),
             black_box(&request),
         ));
+        regulator.reset();
+        black_box(&measured::regulated_pose(
+            black_box(&mut regulator),
+            black_box(&request),
+        ));
         compensator.reset();
         black_box(&measured::compensated_joints(
             black_box(&mut compensator),
@@ -225,10 +265,9 @@ fn clear(model: &Model<'_, f32, JOINTS>, q: &[f32; JOINTS]) -> bool {
     normal.cholesky().is_some()
 }
 
-/// Most instructions of one evaluation over a few poses.
-fn evaluation(model: &Model<'_, f32, JOINTS>, clock: &impl Clock) -> u32 {
+/// Most instructions of one evaluation over a few poses, and of the preparation for it.
+fn evaluation(model: &Model<'_, f32, JOINTS>, clock: &impl Clock) -> [u32; 2] {
     let mut draws = Draws::seeded(5);
-    let mut most = 0;
     let mut conditions = Conditions {
         direction: [1.0; JOINTS],
         ambient: Ambient {
@@ -238,53 +277,133 @@ fn evaluation(model: &Model<'_, f32, JOINTS>, clock: &impl Clock) -> u32 {
         },
     };
     conditions.ambient.temperature.fill(30.0);
+    let mut places = [PreparedJoint::empty(); JOINTS];
+    let began = clock.now();
+    let prepared = measured::preparation(black_box(model), black_box(&conditions), &mut places);
+    let preparation = clock.elapsed(began);
+    let mut room = Room::default();
+    let mut most = 0;
     for _ in 0..CALLS {
         let q = joints(&mut draws);
         let began = clock.now();
         black_box(&measured::prediction(
-            black_box(model),
+            black_box(&prepared),
             black_box(&q),
-            black_box(&conditions),
+            &mut room,
         ));
         most = most.max(clock.elapsed(began));
     }
-    most
+    [most, preparation]
 }
 
 fn effects(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>, clock: &impl Clock) -> fmt::Result {
     writeln!(
         out,
+        "preparation: what stays while the conditions do, once a request; all effects below"
+    )?;
+    writeln!(
+        out,
         "prediction: where the model puts the tool, all poses and effects below"
     )?;
     let rigid = evaluation(model, clock);
+    let added = |effects: &mut dyn Iterator<Item = Effect<'static, f32>>| {
+        let mut loaded = model.clone();
+        loaded.effects = effects.collect();
+        let [most, preparation] = evaluation(&loaded, clock);
+        [
+            most.saturating_sub(rigid[0]),
+            preparation.saturating_sub(rigid[1]),
+        ]
+    };
     let selector = Selector {
         joint: Some(2),
-        order: Some(2.0),
         ..Selector::default()
     };
     for kind in KINDS {
-        let selector = Selector {
-            from: (kind.from == Wish::Must).then_some(1),
-            ..selector
-        };
+        // A second harmonic has another order: those of the same are added up.
+        let [first, second] = [2.0, 1.0].map(|order| {
+            let selector = Selector {
+                from: (kind.from == Wish::Must).then_some(1),
+                order: Some(order),
+                ..selector
+            };
+            let mut effect = Effect::<f32>::named(kind.name, &selector)?;
+            for value in effect.model_mut().values_mut() {
+                *value = 1e-4;
+            }
+            if let Effect::JointCurve(curve) = &mut effect {
+                *curve = JointCurve::turn(curve.joint, 1e-8, &CURVE);
+            }
+            Some(effect)
+        });
         // An effect of the base takes no joint.
-        let Some(mut effect) = Effect::<f32>::named(kind.name, &selector) else {
+        let (Some(first), Some(second)) = (first, second) else {
             continue;
         };
-        for value in effect.model_mut().values_mut() {
-            *value = 1e-4;
-        }
-        let [one, two] = [1, 2].map(|count| {
-            let mut loaded = model.clone();
-            loaded.effects = core::iter::repeat_n(effect, count).collect();
-            evaluation(&loaded, clock).saturating_sub(rigid)
-        });
-        writeln!(
-            out,
-            "effect {}: {one} {}",
-            kind.name,
-            two.saturating_sub(one)
-        )?;
+        let [one, preparation] = added(&mut [first].into_iter());
+        let [two, _] = added(&mut [first, second].into_iter());
+        let further = two.saturating_sub(one);
+        writeln!(out, "effect {}: {one} {further} {preparation}", kind.name)?;
     }
-    Ok(())
+    let mut set = |name: &str, effects: &mut dyn Iterator<Item = Effect<'static, f32>>| {
+        let [most, preparation] = added(effects);
+        writeln!(out, "effects {name}: {most} {preparation}")
+    };
+    set(
+        "joint-compliance on six joints, payload",
+        &mut (0..6).map(|j| Effect::JointCompliance(compliance(j))),
+    )?;
+    set(
+        "joint-gain, backlash, thermal-growth on six joints",
+        &mut (0..6).flat_map(|j| {
+            let mut gain = JointGain::new(j);
+            gain.gain = [1e-5];
+            let mut backlash = Backlash::new(j);
+            backlash.backlash = [1e-4];
+            let mut growth = ThermalGrowth::new(j, Grows::Link, 0);
+            growth.growth = [1e-5];
+            [
+                Effect::JointGain(gain),
+                Effect::Backlash(backlash),
+                Effect::ThermalGrowth(growth),
+            ]
+        }),
+    )?;
+    set(
+        "joint-curve of 180 cells on six joints",
+        &mut (0..6).map(|j| Effect::JointCurve(JointCurve::turn(j, 1e-8, &CURVE))),
+    )?;
+    set(
+        "gear-eccentricity of order 1 on one joint",
+        &mut [harmonic(2, 1.0)].into_iter(),
+    )?;
+    set(
+        "gear-eccentricity of orders 1 and 2 on one joint",
+        &mut [harmonic(2, 1.0), harmonic(2, 2.0)].into_iter(),
+    )?;
+    set(
+        "gear-eccentricity of orders 1 and 2 on six joints",
+        &mut (0..6).flat_map(|j| [harmonic(j, 1.0), harmonic(j, 2.0)]),
+    )?;
+    let mut ripple = GearRipple::new(2, 160.0);
+    ripple.amplitude = [1e-5; 2];
+    set(
+        "gear-ripple of order 160 on one joint",
+        &mut [Effect::GearRipple(ripple)].into_iter(),
+    )
+}
+
+/// Table of a joint's curve in cells of two degrees.
+static CURVE: [u8; 360] = [7; 360];
+
+fn compliance(joint: u8) -> JointCompliance<f32> {
+    let mut compliance = JointCompliance::new(joint);
+    compliance.compliance = [1e-6];
+    compliance
+}
+
+fn harmonic(joint: u8, order: f32) -> Effect<'static, f32> {
+    let mut harmonic = GearEccentricity::new(joint, order);
+    harmonic.amplitude = [1e-4; 2];
+    Effect::GearEccentricity(harmonic)
 }

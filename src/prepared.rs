@@ -1,0 +1,548 @@
+//! An arm under conditions that stay: what the control loop evaluates again and again.
+//!
+//! Direction, payload, temperature and time are the same for all evaluations of a request. So
+//! most effects are worked into a few numbers a joint once ([`Arm::prepare`]), and an
+//! evaluation ([`Prepared::predict`]) is one pass out along the chain and, where gravity turns
+//! the joints, one back. It gives what the effects' contract gives, to rounding
+//! (`tests/prepared_is_the_contract.rs`). Effects that truly depend on the posture are left to
+//! their contract.
+//!
+//! - What adds to a reading: a constant, a share of the reading, its curve read in place, and
+//!   harmonics of whole order, by Horner's rule from the sine and cosine that the chain needs
+//!   anyway.
+//! - A link's growth is a vector v, constant in its frame. So is the next axis: the part of v
+//!   along an axis belongs to the link before as well, which leaves two numbers a joint.
+//! - Gravity's torque: with `w` the first moment of a link about its joint's origin, all that
+//!   lies beyond put at the next one's, and again no part along the axis,
+//!
+//! ```text
+//! W_j = W_j+1 + R_j w_j        torque_j = W_j · (g x z_j)
+//! ```
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::chain::{BakedJoint, Frame};
+use crate::effects::{Ambient, Effect, Grows, Place, Reading, Stage, entry};
+use crate::model::{Arm, Prediction, Scratch};
+use crate::pose::columns;
+use crate::{JointKind, Pose, Scalar, Twist};
+
+/// Orders of a joint's harmonics that are worked in.
+const ORDERS: usize = 4;
+
+/// What is worked into one joint.
+#[derive(Clone, Copy, Debug)]
+pub struct PreparedJoint<T: Scalar> {
+    motion: Motion,
+    /// Addition to the reading where it is zero, rad or m.
+    zero: T,
+    /// The same per unit of the reading.
+    gain: T,
+    /// Place of its curve in the list of effects.
+    curve: Option<u8>,
+    /// Highest order of its harmonics.
+    highest: u8,
+    /// Factors of the cosine of `order (q + theta)` and, negative, of the sine, from order 1.
+    harmonics: [[T; 2]; ORDERS],
+    /// Displacement of all beyond, axes of the frame, m. Along z nothing is left.
+    growth: Vector3<T>,
+    /// rad/(N m) or m/N.
+    compliance: T,
+    /// `w` along x and y of the frame, kg m.
+    moment: [T; 2],
+    /// Of this link and all beyond, kg.
+    mass: T,
+}
+
+/// How a joint gets from its reading to its motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Motion {
+    /// Turns by its reading.
+    Exact,
+    /// Turns by its reading and a line over it.
+    Line,
+    /// Turns by its reading, a line and a curve.
+    Curve,
+    /// Turns by its reading, a line, a curve and harmonics.
+    Wave,
+    /// Slides by its reading, a line and a curve.
+    Slide,
+}
+
+impl<T: Scalar> PreparedJoint<T> {
+    /// Place for one joint.
+    pub fn empty() -> Self {
+        let o = T::zero();
+        Self {
+            motion: Motion::Exact,
+            zero: o,
+            gain: o,
+            curve: None,
+            highest: 0,
+            harmonics: [[o; 2]; ORDERS],
+            growth: Vector3::zeros(),
+            compliance: o,
+            moment: [o; 2],
+            mass: o,
+        }
+    }
+
+    fn add_to_reading(&mut self, zero: T, gain: T) {
+        self.zero += zero;
+        self.gain += gain;
+        if self.motion == Motion::Exact {
+            self.motion = Motion::Line;
+        }
+    }
+
+    /// Takes `a sin(order q) + b (cos(order q) - 1)` in, where `theta` is added to q; false if
+    /// it cannot.
+    fn add_harmonic(&mut self, order: T, [a, b]: [T; 2], [sine, cosine]: [T; 2]) -> bool {
+        if self.motion == Motion::Slide {
+            return false;
+        }
+        // (b - i a) turned back by theta once an order.
+        let (mut x, mut y) = (b, -a);
+        let mut rest = order;
+        for (k, place) in (1..).zip(&mut self.harmonics) {
+            rest -= T::one();
+            (x, y) = (x * cosine + y * sine, y * cosine - x * sine);
+            if rest.is_zero() {
+                *place = [place[0] + x, place[1] + y];
+                self.highest = self.highest.max(k);
+                self.motion = Motion::Wave;
+                self.zero -= b;
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Takes a curve in; false if there is one.
+    fn add_curve(&mut self, place: usize) -> bool {
+        if self.curve.is_some() {
+            return false;
+        }
+        self.curve = u8::try_from(place).ok();
+        if matches!(self.motion, Motion::Exact | Motion::Line) {
+            self.motion = Motion::Curve;
+        }
+        self.curve.is_some()
+    }
+
+    /// Sum of the harmonics, their constants left out, where these are sine and cosine of
+    /// `q + theta`.
+    #[inline(always)]
+    fn harmonics(&self, s: T, c: T) -> T {
+        let [first, [mut x, mut y], third, fourth] = self.harmonics;
+        let before =
+            |[x, y]: [T; 2], [cosine, sine]: [T; 2]| [cosine + x * c - y * s, sine + x * s + y * c];
+        if self.highest > 2 {
+            [x, y] = before(before(fourth, third), [x, y]);
+        }
+        let [x, y] = before([x, y], first);
+        x * c - y * s
+    }
+}
+
+/// An arm under conditions that stay.
+#[derive(Clone, Copy, Debug)]
+pub struct Prepared<'p, T: Scalar> {
+    arm: Arm<'p, T>,
+    direction: &'p [T],
+    ambient: &'p Ambient<T>,
+    joints: &'p [PreparedJoint<T>],
+    /// Displacement whatever the joints do, about the origin of the kinematics' start.
+    constant: Twist<T>,
+    moves: Moves,
+    /// Effects that are left to their contract.
+    readings: Kept,
+    postures: Kept,
+    /// Whether one of these looks at gravity's loads.
+    loaded: bool,
+}
+
+/// What moves the arm after the kinematics, its contracted effects apart.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moves {
+    /// The base.
+    base: bool,
+    /// Growing links.
+    growth: bool,
+    /// Joints that give way.
+    gravity: bool,
+}
+
+/// Some of a list of effects: a bit for each of the first [`TOLD_APART`], and all after them.
+#[derive(Clone, Copy, Debug, Default)]
+struct Kept(u64);
+
+const TOLD_APART: usize = 64;
+
+impl Kept {
+    fn keep(&mut self, place: usize) {
+        if place < TOLD_APART {
+            self.0 |= 1 << place;
+        }
+    }
+
+    fn none<T: Scalar>(self, effects: &[Effect<'_, T>]) -> bool {
+        self.0 == 0 && effects.len() <= TOLD_APART
+    }
+
+    #[inline(always)]
+    fn of<'e, 'm, T: Scalar>(
+        self,
+        effects: &'e [Effect<'m, T>],
+        stage: Stage,
+    ) -> impl Iterator<Item = &'e Effect<'m, T>> {
+        let mut left = self.0;
+        let told_apart = core::iter::from_fn(move || {
+            let place = usize::try_from(left.trailing_zeros()).ok()?;
+            if place == TOLD_APART {
+                return None;
+            }
+            left &= left.wrapping_sub(1);
+            effects.get(place)
+        });
+        let after = effects.iter().skip(TOLD_APART);
+        told_apart.chain(after.filter(move |e| e.stage() == stage))
+    }
+}
+
+impl<'m, T: Scalar> Arm<'m, T> {
+    /// Works in what stays while the conditions do. `joints`: one place a joint, whatever is
+    /// in it.
+    #[inline(never)]
+    pub fn prepare<'p>(
+        &self,
+        direction: &'p [T],
+        ambient: &'p Ambient<T>,
+        joints: &'p mut [PreparedJoint<T>],
+    ) -> Prepared<'p, T>
+    where
+        'm: 'p,
+    {
+        let mut work = Work {
+            baked: self.joints,
+            joints,
+            base: Twist::zero(),
+            moves: Moves::default(),
+        };
+        for (joint, baked) in work.joints.iter_mut().zip(self.joints) {
+            *joint = PreparedJoint::empty();
+            if baked.kind == JointKind::Prismatic {
+                joint.motion = Motion::Slide;
+            }
+        }
+        let (mut readings, mut postures) = (Kept::default(), Kept::default());
+        let mut loaded = false;
+        for (place, effect) in self.effects.iter().enumerate() {
+            if place < TOLD_APART && work.take(effect, place, direction, ambient) {
+                continue;
+            }
+            loaded = loaded || effect.loaded();
+            match effect.stage() {
+                Stage::Reading => {
+                    readings.keep(place);
+                    if let Some(joint) = effect.joint().and_then(|j| work.joints.get_mut(j)) {
+                        joint.add_to_reading(T::zero(), T::zero());
+                    }
+                }
+                Stage::Posture => postures.keep(place),
+            }
+        }
+        if work.moves.growth || work.moves.gravity {
+            work.move_along_axes(self.tool, ambient);
+        }
+        let r = &self.base.rotation;
+        let angular = r * work.base.angular;
+        let linear = r * work.base.linear + self.base.translation.cross(&angular);
+        Prepared {
+            arm: *self,
+            direction,
+            ambient,
+            constant: Twist::new(linear, angular),
+            moves: work.moves,
+            joints: work.joints,
+            readings,
+            postures,
+            loaded,
+        }
+    }
+}
+
+/// A preparation at work.
+struct Work<'w, 'p, T: Scalar> {
+    baked: &'w [BakedJoint<T>],
+    joints: &'p mut [PreparedJoint<T>],
+    /// Displacement of the base, its axes and origin.
+    base: Twist<T>,
+    moves: Moves,
+}
+
+impl<T: Scalar> Work<'_, '_, T> {
+    /// Works `effect` in, number `place` of the list; false if it has to be left to its
+    /// contract.
+    fn take(
+        &mut self,
+        effect: &Effect<'_, T>,
+        place: usize,
+        direction: &[T],
+        ambient: &Ambient<T>,
+    ) -> bool {
+        let o = T::zero();
+        match effect {
+            Effect::JointGain(e) => self.add_to_reading(e.joint, o, e.gain[0]),
+            Effect::Backlash(e) => {
+                let way = entry(direction, usize::from(e.joint));
+                self.add_to_reading(e.joint, way * e.backlash[0], o)
+            }
+            Effect::ThermalDrift(e) => self.drift(&e.place, e.factor(ambient) * e.drift[0]),
+            Effect::TimeDrift(e) => self.drift(&e.place, e.factor(ambient) * e.drift[0]),
+            Effect::WarmUp(e) => self.drift(&e.place, e.factor(ambient) * e.drift[0]),
+            Effect::StepChange(e) => self.drift(&e.place, e.factor(ambient) * e.drift[0]),
+            Effect::GearEccentricity(e) => self.add_harmonic(e.joint, e.order, e.amplitude),
+            Effect::GearRipple(e) => self.add_harmonic(e.joint, e.order, e.amplitude),
+            Effect::JointCurve(e) => match self.joints.get_mut(usize::from(e.joint)) {
+                Some(joint) => joint.add_curve(place),
+                None => true,
+            },
+            Effect::JointCompliance(e) => {
+                if let Some(joint) = self.joints.get_mut(usize::from(e.joint)) {
+                    joint.compliance += e.compliance[0];
+                    self.moves.gravity = true;
+                }
+                true
+            }
+            Effect::ThermalGrowth(e) => {
+                if e.grows == Grows::Travel {
+                    return false;
+                }
+                if let Some(joint) = self.joints.get_mut(usize::from(e.joint)) {
+                    joint.growth += e.link * e.longer(ambient);
+                    self.moves.growth = true;
+                }
+                true
+            }
+            Effect::JointCoupling(_)
+            | Effect::CrossAxisCompliance(_)
+            | Effect::LinkBending(_)
+            | Effect::BaseFlex(_)
+            | Effect::ToolLoad(_)
+            | Effect::GravityLever(_)
+            | Effect::AxisWobble(_)
+            | Effect::PrismaticStraightness(_)
+            | Effect::Unnamed(_) => false,
+        }
+    }
+
+    fn add_to_reading(&mut self, joint: u8, zero: T, gain: T) -> bool {
+        if let Some(joint) = self.joints.get_mut(usize::from(joint)) {
+            joint.add_to_reading(zero, gain);
+        }
+        true
+    }
+
+    fn add_harmonic(&mut self, joint: u8, order: T, amplitude: [T; 2]) -> bool {
+        let j = usize::from(joint);
+        match (self.joints.get_mut(j), self.baked.get(j)) {
+            (Some(joint), Some(baked)) => joint.add_harmonic(order, amplitude, baked.sincos_theta),
+            _ => true,
+        }
+    }
+
+    fn drift(&mut self, place: &Place<T>, amount: T) -> bool {
+        match place {
+            Place::Joint(joint) => self.add_to_reading(*joint, amount, T::zero()),
+            Place::Base { unit, .. } => {
+                self.base = self.base.plus(&unit.scaled(amount));
+                self.moves.base = true;
+                true
+            }
+        }
+    }
+
+    /// Sets the moments and masses, and moves what lies along an axis to the link before. What
+    /// arrives at the base is constant there.
+    fn move_along_axes(&mut self, tool: &Pose<T>, ambient: &Ambient<T>) {
+        let mut mass = ambient.payload;
+        let mut beyond = tool.point(&ambient.payload_com) * mass;
+        let (mut growth_along, mut moment_along) = (T::zero(), T::zero());
+        for (joint, baked) in self.joints.iter_mut().zip(self.baked).rev() {
+            let (s, c) = (baked.sin_alpha, baked.cos_alpha);
+            let growth = &mut joint.growth;
+            growth.y -= growth_along * s;
+            growth_along = growth.z + growth_along * c;
+            growth.z = T::zero();
+            let link = &baked.mass;
+            let moment = link.com * link.mass
+                + Vector3::new(
+                    baked.tx * mass,
+                    baked.ty * mass - moment_along * s,
+                    moment_along * c,
+                )
+                + beyond;
+            beyond = Vector3::zeros();
+            joint.moment = [moment.x, moment.y];
+            moment_along = moment.z;
+            mass += link.mass;
+            joint.mass = mass;
+        }
+        self.base.linear += Vector3::z() * growth_along;
+    }
+}
+
+impl<T: Scalar> Prepared<'_, T> {
+    /// Where the tool is at the readings `q` (rad or m): effects on the readings, the chain,
+    /// what moves it then.
+    #[inline(never)]
+    pub fn predict(&self, q: &[T], scratch: &mut Scratch<'_, T>) -> Prediction<T> {
+        let arm = &self.arm;
+        for addition in scratch.additions.iter_mut() {
+            *addition = T::zero();
+        }
+        if !self.readings.none(arm.effects) {
+            self.add_contracted(q, scratch.additions);
+        }
+        let (end, growth) = self.pass(q, scratch);
+        let rigid = end.then(arm.tool);
+        let mut twist = self.constant;
+        twist.linear += growth;
+        if self.moves.gravity {
+            self.give_way(scratch, &mut twist);
+        }
+        if self.moves.gravity || self.moves.base {
+            twist = twist.at(&rigid.translation);
+        }
+        if !self.postures.none(arm.effects) {
+            twist = twist.plus(&self.displaced_by_contract(q, &rigid, scratch));
+        }
+        Prediction { rigid, twist }
+    }
+
+    #[inline(never)]
+    fn add_contracted(&self, q: &[T], additions: &mut [T]) {
+        let reading = Reading {
+            q,
+            direction: self.direction,
+            ambient: self.ambient,
+        };
+        for effect in self.readings.of(self.arm.effects, Stage::Reading) {
+            let (j, more) = effect.addition(&reading);
+            if let Some(addition) = additions.get_mut(j) {
+                *addition += more;
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn displaced_by_contract(
+        &self,
+        q: &[T],
+        rigid: &Pose<T>,
+        scratch: &mut Scratch<'_, T>,
+    ) -> Twist<T> {
+        let arm = &self.arm;
+        if self.loaded {
+            arm.load(self.ambient, rigid, scratch);
+        }
+        let posture = arm.posture(q, self.direction, self.ambient, rigid, scratch);
+        let mut twist = Twist::zero();
+        for effect in self.postures.of(arm.effects, Stage::Posture) {
+            twist = twist.plus(&effect.displacement(&posture));
+        }
+        twist
+    }
+
+    /// [`crate::forward`] from the readings with their additions, and the links' growth. Puts a
+    /// slide's whole way into the place of its addition.
+    #[inline(never)]
+    fn pass(&self, q: &[T], scratch: &mut Scratch<'_, T>) -> (Pose<T>, Vector3<T>) {
+        let start = self.arm.base;
+        let [mut x, mut y, mut z] = columns(&start.rotation);
+        let mut p = start.translation;
+        let mut growth = Vector3::zeros();
+        let joints = self.arm.joints.iter().zip(self.joints);
+        let places = scratch.additions.iter_mut().zip(scratch.frames.iter_mut());
+        for (((joint, own), &q), (addition, frame)) in joints.zip(q).zip(places) {
+            let line = |addition: T| addition + own.zero + own.gain * q;
+            let (s, c) = match own.motion {
+                Motion::Exact => q.sincos_beside(joint.theta),
+                Motion::Line => (q + line(*addition)).sincos_beside(joint.theta),
+                Motion::Curve => {
+                    (q + (line(*addition) + self.curve(own, q))).sincos_beside(joint.theta)
+                }
+                Motion::Wave => {
+                    let (s, c) = q.sincos_beside(joint.theta);
+                    let more = own.harmonics(s, c) + self.curve(own, q);
+                    T::turned(s, c, line(*addition) + more)
+                }
+                Motion::Slide => {
+                    *addition = q + (line(*addition) + self.curve(own, q));
+                    p += z * *addition;
+                    (joint.sincos_theta[0], joint.sincos_theta[1])
+                }
+            };
+            let x1 = x * c + y * s;
+            let y1 = y * c - x * s;
+            *frame = Frame {
+                rotation: Matrix3::from_columns(&[x1, y1, z]),
+                origin: p,
+            };
+            p = p + x1 * joint.tx + y1 * joint.ty;
+            if self.moves.growth {
+                growth = growth + x1 * own.growth.x + y1 * own.growth.y;
+            }
+            x = x1;
+            y = y1 * joint.cos_alpha + z * joint.sin_alpha;
+            z = z * joint.cos_alpha - y1 * joint.sin_alpha;
+        }
+        (Pose::new(Matrix3::from_columns(&[x, y, z]), p), growth)
+    }
+
+    #[inline(always)]
+    fn curve(&self, own: &PreparedJoint<T>, q: T) -> T {
+        match own
+            .curve
+            .and_then(|at| self.arm.effects.get(usize::from(at)))
+        {
+            Some(Effect::JointCurve(curve)) => curve.at(q),
+            _ => T::zero(),
+        }
+    }
+
+    /// Adds the turns and slides of all joints under gravity to a displacement about the
+    /// origin.
+    #[inline(always)]
+    fn give_way(&self, scratch: &Scratch<'_, T>, twist: &mut Twist<T>) {
+        let g = *self.arm.gravity;
+        let mut beyond = Vector3::<T>::zeros();
+        let (mut v, mut w) = (twist.linear, twist.angular);
+        for (j, (own, frame)) in self
+            .joints
+            .iter()
+            .zip(scratch.frames.iter())
+            .enumerate()
+            .rev()
+        {
+            let [x, y, z] = columns(&frame.rotation);
+            beyond = beyond + x * own.moment[0] + y * own.moment[1];
+            if own.motion == Motion::Slide {
+                v += z * (own.compliance * own.mass * g.dot(&z));
+                beyond += z * (own.mass * entry(scratch.additions, j));
+            } else {
+                let torque = beyond.x * (g.y * z.z - g.z * z.y)
+                    + beyond.y * (g.z * z.x - g.x * z.z)
+                    + beyond.z * (g.x * z.y - g.y * z.x);
+                let turn = z * (own.compliance * torque);
+                w += turn;
+                let o = &frame.origin;
+                v.x = v.x + o.y * turn.z - o.z * turn.y;
+                v.y = v.y + o.z * turn.x - o.x * turn.z;
+                v.z = v.z + o.x * turn.y - o.y * turn.x;
+            }
+        }
+        *twist = Twist::new(v, w);
+    }
+}
