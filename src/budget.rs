@@ -264,7 +264,7 @@ impl Needs {
                 [150, 10]
             }
             // Of an order that is not worked in, or a second curve of a joint, at worst.
-            Effect::GearEccentricity(_) | Effect::GearRipple(_) => by_contract(150, 120),
+            Effect::GearEccentricity(_) | Effect::GearRipple(_) => by_contract(200, 120),
             Effect::JointCurve(_) => by_contract(60, 180),
             Effect::JointCoupling(_) => by_contract(60, 60),
             Effect::JointCompliance(_) => {
