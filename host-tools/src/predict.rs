@@ -73,6 +73,7 @@ pub fn uncertainty(
             ..Observation::default()
         })
         .collect();
+    let rows: Vec<&Observation> = rows.iter().collect();
     Ok(uncertainty.at(&arm, &rows))
 }
 

@@ -85,11 +85,12 @@ fn verify_errors_are_those_of_the_bound() {
 fn predicted_tools_scatter_as_their_covariance_says() {
     let (drawing, truth) = arms(Seen::Pose);
     let places = measured(&truth, Seen::Pose, 5, 0.0, 9);
+    let at: Vec<&Observation> = places.iter().collect();
     let mut squares = [0.0; 5];
     for seed in 0..SEEDS {
         let data = measured(&truth, Seen::Pose, 40, 1.0, 3000 + seed);
         let found = identify(&problem(&drawing, data)).unwrap().complete;
-        let covariance: Vec<Matrix6<f64>> = Uncertainty::of(&found).at(&found.arm, &places);
+        let covariance: Vec<Matrix6<f64>> = Uncertainty::of(&found).at(&found.arm, &at);
         let mut evaluator = Evaluator::new(&found.arm, SIGMAS);
         for ((o, c), sum) in places.iter().zip(covariance).zip(&mut squares) {
             let should = truepose::Pose::new(o.rotation.unwrap(), o.position.unwrap());

@@ -15,7 +15,8 @@ use super::unseen::{Unseen, unseen};
 use super::whiteness::{Whiteness, whiteness};
 use crate::identify::arm::{ArmModel, Curve};
 use crate::identify::assess::{Statistics, errors};
-use crate::identify::gross::gross;
+use crate::identify::gross::{gross, gross_unseen};
+use crate::identify::noise::fitted;
 use crate::identify::observation::Observation;
 use crate::identify::readings::Identified;
 use crate::identify::{Failure, Stage, geometry};
@@ -122,12 +123,7 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
     let by_rows = count_rows(&mut identified.problem);
     let problem = identified.problem.clone();
     let calibration = &identified.calibration;
-    let rejected = &calibration.rejected;
-    let mut kept: Vec<&Observation> = problem
-        .identify
-        .iter()
-        .filter(|o| !rejected.contains(&o.row))
-        .collect();
+    let mut kept = fitted(&problem, calibration);
     let unknowns = geometry(&problem, calibration);
     let mut arm = calibration.geometric.arm.clone();
     arm.counts_rows = by_rows;
@@ -149,9 +145,6 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
     // with the effects in, gross rows show that hid behind them
     let worst = gross(&model.arm, &kept, sigmas);
     if !worst.is_empty() {
-        let rows = worst.iter().map(|&i| kept[i].row);
-        identified.calibration.rejected.extend(rows);
-        identified.calibration.rejected.sort_unstable();
         kept = (0..kept.len())
             .filter(|i| !worst.contains(i))
             .map(|i| kept[i])
@@ -160,13 +153,17 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
         model = all(&model.arm, &kept, sigmas)?;
     }
 
-    progress("looking for rivals");
     let verify: Vec<&Observation> = problem.verify.iter().collect();
-    // a reading that is grossly wrong says nothing of an effect
-    let wrong = gross(&model.arm, &verify, sigmas);
-    let right = (0..verify.len()).filter(|i| !wrong.contains(i));
-    let right: Vec<&Observation> = right.map(|i| verify[i]).collect();
-    let (thin, thin_verify) = (thinned(&kept), thinned(&right));
+    let gross = gross_unseen(&arm, &model.arm, &kept, &verify, sigmas);
+    let used = |o: &&Observation| !gross.contains(&o.row);
+    let verify: Vec<&Observation> = verify.into_iter().filter(used).collect();
+    let left_out = |o: &&Observation| !kept.iter().chain(&verify).any(|k| k.row == o.row);
+    let all = problem.identify.iter().chain(&problem.verify);
+    identified.calibration.rejected = all.filter(left_out).map(|o| o.row).collect();
+    identified.calibration.rejected.sort_unstable();
+
+    progress("looking for rivals");
+    let (thin, thin_verify) = (thinned(&kept), thinned(&verify));
     let disproportion = disproportion(&model, &thin, &thin_verify, sigmas);
     let opponent = opponent(&model, &thin, &thin_verify, sigmas);
     let complete = deployable(&model.arm);

@@ -39,7 +39,7 @@ use align::{first_guess, turn_tool_to_poses, turn_tool_to_targets};
 use arm::ArmModel;
 use factor::Dropped;
 pub use failure::{Failure, ROWS_A_SESSION};
-use gross::{gross, may_hide, softened};
+use gross::{gross, gross_unseen, may_hide, softened};
 use kalman::Innovations;
 use method::{Fitted, Loss};
 use observation::Observation;
@@ -95,7 +95,7 @@ pub struct Calibration {
     pub structure: Structure,
     /// Every parameter and what became of it, in the order of reports.
     pub statuses: Vec<(Unknown, Status)>,
-    /// Data rows left out as gross errors.
+    /// Data rows left out as gross errors, of the fit and of its verification.
     pub rejected: Vec<usize>,
     /// Rows that a robust loss trusts less than half; those that it does not trust at all
     /// are `rejected` too.
@@ -338,6 +338,15 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
     let distrusted = fitted.outliers.iter().filter(|o| o.weight <= 0.0);
     let mut rejected: Vec<usize> = distrusted.map(|o| o.row).collect();
     rejected.extend(left_out.iter().map(|&i| all[i].row));
+    let verify: Vec<&Observation> = problem.verify.iter().collect();
+    rejected.extend(gross_unseen(
+        &geometric.arm,
+        &complete.arm,
+        &kept_rows,
+        &verify,
+        problem.sigmas,
+    ));
+    rejected.sort_unstable();
     Ok(Calibration {
         nominal,
         geometric,

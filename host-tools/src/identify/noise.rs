@@ -79,6 +79,12 @@ pub fn fitted<'p>(problem: &'p Problem, calibration: &Calibration) -> Vec<&'p Ob
     problem.identify.iter().filter(kept).collect()
 }
 
+/// Rows that no fit has seen and that were not left out as gross.
+pub fn unseen<'p>(problem: &'p Problem, calibration: &Calibration) -> Vec<&'p Observation> {
+    let kept = |o: &&Observation| !calibration.rejected.contains(&o.row);
+    problem.verify.iter().filter(kept).collect()
+}
+
 /// Variance components of fitted rows: sums of squares over sums of one less leverage.
 pub fn of_fitted(
     arm: &ArmModel,

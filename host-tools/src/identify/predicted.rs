@@ -126,7 +126,7 @@ impl Uncertainty {
 
     /// Covariance of the tool pose at each observation's joints and conditions: x, y, z of the
     /// tool point in m, then turns about world axes in rad.
-    pub fn at(&self, arm: &ArmModel, observations: &[Observation]) -> Vec<Matrix6<f64>> {
+    pub fn at(&self, arm: &ArmModel, observations: &[&Observation]) -> Vec<Matrix6<f64>> {
         let unit = Sigmas::UNIT;
         let ones = vec![1.0; self.unknowns.len()];
         let posed = |o: &Observation| Observation {
@@ -140,7 +140,7 @@ impl Uncertainty {
         };
         let mut all = Vec::with_capacity(observations.len());
         for block in observations.chunks(BLOCK) {
-            let poses: Vec<Observation> = block.iter().map(posed).collect();
+            let poses: Vec<Observation> = block.iter().map(|o| posed(o)).collect();
             let poses: Vec<&Observation> = poses.iter().collect();
             let j = linearize(arm, &self.unknowns, &ones, &poses, unit).jacobian;
             let carried = &j * &self.covariance;

@@ -15,6 +15,7 @@ use crate::diagnose::hypothesis::Members;
 use crate::diagnose::{Diagnosis, Named, Rival, UNDECIDED};
 use crate::identify::arm::ArmModel;
 use crate::identify::linearize::linearize;
+use crate::identify::noise::fitted;
 use crate::identify::observation::{Observation, Sigmas};
 use crate::identify::relation::Relation;
 use crate::identify::unknown::Unknown;
@@ -65,12 +66,7 @@ pub fn discriminate(
 ) -> Option<Decision> {
     let identified = &diagnosis.identified;
     let calibration = &identified.calibration;
-    let measured: Vec<&Observation> = identified
-        .problem
-        .identify
-        .iter()
-        .filter(|o| !calibration.rejected.contains(&o.row))
-        .collect();
+    let measured = fitted(&identified.problem, calibration);
     let template = *measured.get(measured.len() / 2)?;
     let arm = &calibration.complete.arm;
     let seen = match template.relations.first() {

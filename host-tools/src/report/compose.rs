@@ -11,7 +11,7 @@ use crate::identify::arm::ArmModel;
 use crate::identify::assess::{Errors, Statistics, errors};
 use crate::identify::bootstrap::Bootstrap;
 use crate::identify::evaluator::Evaluator;
-use crate::identify::noise::{Component, fitted, of_fitted};
+use crate::identify::noise::{Component, fitted, of_fitted, unseen};
 use crate::identify::observation::Observation;
 use crate::identify::predicted::{Covariance, Uncertainty};
 use crate::identify::problem::{ASSUMED, Joints, Problem};
@@ -32,7 +32,7 @@ impl Report {
             calibration,
             ..
         } = identified;
-        let verify: Vec<&Observation> = problem.verify.iter().collect();
+        let verify = unseen(problem, calibration);
         let by = |arm| errors(arm, &verify);
         let [nominal, geometric, complete] = [
             by(&calibration.nominal.arm),
@@ -51,8 +51,8 @@ impl Report {
                 robot: robot.to_owned(),
                 measured: measured(data, error_deg.is_some()),
                 rows: schema::Rows {
-                    identify: problem.identify.len() - calibration.rejected.len(),
-                    verify: problem.verify.len(),
+                    identify: fitted(problem, calibration).len(),
+                    verify: verify.len(),
                     rejected: calibration.rejected.clone(),
                 },
                 error_mm,
@@ -63,7 +63,7 @@ impl Report {
                     estimated: 0.0,
                 },
                 noise_deg: None,
-                model_sigma_mm: model_sigma(&calibration.complete, &problem.verify),
+                model_sigma_mm: model_sigma(&calibration.complete, &verify),
                 estimator: estimator(problem, calibration),
                 covariance: Covariance::of(&calibration.complete),
                 verdict: judgement.verdict,
@@ -307,10 +307,25 @@ impl Report {
             ));
         }
         if !rows.rejected.is_empty() {
-            self.held_back.push(format!(
+            let mut sentence = format!(
                 "{} as gross errors: they stand apart from the fit and from their neighbours",
                 super::figures::row_list(&rows.rejected)
-            ));
+            );
+            let gross = problem.verify.len() - rows.verify;
+            if gross > 0 {
+                let all: Vec<&Observation> = problem.verify.iter().collect();
+                let rms = |stage: &Stage| {
+                    let all = Statistics::of(&errors(&stage.arm, &all).distances);
+                    super::figures::significant(all.map_or(0.0, |s| s.rms) * MM)
+                };
+                sentence.push_str(&format!(
+                    "; {gross} of them were held back: with them the errors would be {} mm with \
+                     geometry and {} mm with everything",
+                    rms(&calibration.geometric),
+                    rms(&calibration.complete)
+                ));
+            }
+            self.held_back.push(sentence);
         }
         self.summary.notes = [&self.reasons, &self.assumed, &self.held_back, &self.noticed]
             .into_iter()
@@ -494,7 +509,7 @@ fn estimator(problem: &Problem, calibration: &Calibration) -> schema::Estimator 
 }
 
 /// Standard deviation of the tool point by the parameters alone.
-fn model_sigma(stage: &Stage, rows: &[Observation]) -> Option<schema::Spread> {
+fn model_sigma(stage: &Stage, rows: &[&Observation]) -> Option<schema::Spread> {
     let each: Vec<f64> = Uncertainty::of(stage)
         .at(&stage.arm, rows)
         .iter()

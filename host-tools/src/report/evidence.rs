@@ -12,6 +12,7 @@ use crate::diagnose::search::Ranked;
 use crate::diagnose::{Diagnosis, Named};
 use crate::identify::arm::ArmModel;
 use crate::identify::evaluator::Evaluator;
+use crate::identify::noise::{fitted, unseen};
 use crate::identify::observation::{Kind, Observation, Sigmas};
 
 /// Rows whose tool a joint moves less than this share of its typical way say little of it.
@@ -70,14 +71,8 @@ pub(super) fn evidence(diagnosis: &Diagnosis) -> Vec<Evidence> {
     let identified = &diagnosis.identified;
     let sigmas = identified.problem.sigmas;
     let complete = &identified.calibration.complete.arm;
-    let verify: Vec<&Observation> = identified.problem.verify.iter().collect();
-    let rejected = &identified.calibration.rejected;
-    let fitted: Vec<&Observation> = identified
-        .problem
-        .identify
-        .iter()
-        .filter(|o| !rejected.contains(&o.row))
-        .collect();
+    let verify = unseen(&identified.problem, &identified.calibration);
+    let fitted = fitted(&identified.problem, &identified.calibration);
     diagnosis
         .named
         .iter()

@@ -2,8 +2,7 @@
 
 use super::schema::Verdict;
 use crate::identify::Calibration;
-use crate::identify::noise::{Component, fitted, neighbour_likeness, of_fitted, of_unseen};
-use crate::identify::observation::Observation;
+use crate::identify::noise::{Component, fitted, neighbour_likeness, of_fitted, of_unseen, unseen};
 use crate::identify::problem::Problem;
 use crate::measurement::Dataset;
 
@@ -41,9 +40,8 @@ struct Kind {
 /// where none is declared, by whether neighbouring rows have like residuals.
 pub(super) fn judge(problem: &Problem, calibration: &Calibration, data: &Dataset) -> Judgement {
     let stage = &calibration.complete;
-    let verify: Vec<&Observation> = problem.verify.iter().collect();
     let kept = fitted(problem, calibration);
-    let unseen = of_unseen(&stage.arm, &verify, problem.sigmas);
+    let unseen = of_unseen(&stage.arm, &unseen(problem, calibration), problem.sigmas);
     let seen = of_fitted(&stage.arm, &stage.fit, &kept, problem.sigmas);
     let kinds: Vec<Kind> = [
         (
