@@ -43,7 +43,7 @@ fn wrong_rows_leave_the_errors_of_the_others_alone() {
         assert!(missed.is_empty(), "{seed}: rows {missed:?} are wrong too");
         assert!(verify.iter().any(|o| rejected.contains(&o.row)), "{seed}");
 
-        let report = Report::of_diagnosis("arm", &data, &diagnosis).unwrap();
+        let report = Report::of_diagnosis("arm", &data, &diagnosis, &[]).unwrap();
         let rows = &report.summary.rows;
         let used = rows.identify + rows.verify + rows.rejected.len();
         assert_eq!(used, measured.rows.len());

@@ -42,7 +42,6 @@ pub fn gross(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> V
     worst
 }
 
-<<<<<<< HEAD
 /// How many times (squared) a row stands above the best of the worst tenth where gross rows may
 /// hide: of a hundred rows with normal noise the largest stands two to three times above it.
 const SUSPICIOUS: f64 = 6.0;
@@ -74,7 +73,8 @@ fn worst_tenth(misfit: &[f64]) -> f64 {
     let mut sorted = misfit.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted.get(sorted.len() * 9 / 10).copied().unwrap_or(0.0)
-=======
+}
+
 /// Rows of `unseen`, by their number in the file, that stand apart under the complete model and
 /// are among the worst under geometry alone as well: whatever is wrong with them, it is not
 /// what was added to geometry.
@@ -94,7 +94,6 @@ pub fn gross_unseen(
         .filter(|&i| i >= fitted.len() && before[i] >= tenth)
         .map(|i| all[i].row)
         .collect()
->>>>>>> 8a92963 (identify, diagnose: gross rows among the held-back are named and left out too)
 }
 
 /// How far the tool moves per unit of each joint, root mean square over the rows, m: what
