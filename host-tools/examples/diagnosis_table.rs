@@ -217,7 +217,6 @@ fn run(scenario: &Scenario, seed: u64) -> Result<Option<Run>, String> {
             .map(|identified| (identified, gross))
             .map_err(|failure| format!("{hidden:?} {seed}: {failure:?}"))
     };
-    let mut visits = visits;
     if scenario.more > 0 {
         let (identified, _) = fitted(&cell, &visits)?;
         let found = diagnose(identified, &|_| {}).map_err(|f| format!("{hidden:?}: {f:?}"))?;

@@ -33,7 +33,7 @@ fn rows(by: Bound) -> usize {
 fn diagnosed(by: Bound, eccentric: [f64; 2], seed: u64) -> Diagnosis {
     let drawing = arm(Convention::Dh, "RRRRRR", &[], 8);
     let mut truth = surrounded(&drawing, by, 8);
-    if eccentric != [0.0; 2] {
+    if eccentric.iter().any(|x| x.abs() > 0.0) {
         let selector = Selector {
             joint: Some(1),
             order: Some(2.0),

@@ -327,7 +327,7 @@ fn place(
         if !given.is_empty() && !kinds.contains(&seen) {
             return Err(Error::Usage(format!("{name} is for --measure {of}")));
         }
-        if given.len() % size != 0 || given.iter().any(|x| !x.is_finite()) {
+        if !given.len().is_multiple_of(size) || given.iter().any(|x| !x.is_finite()) {
             return Err(Error::Usage(format!(
                 "{name}: expected {size} numbers each"
             )));

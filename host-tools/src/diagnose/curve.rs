@@ -13,6 +13,9 @@ use crate::identify::linearize::linearize;
 use crate::identify::observation::{Observation, Sigmas};
 use crate::identify::unknown::{Unknown, apply};
 
+/// A curve that a posture touches, the cells with their shares, and the joint's column.
+type Touched = (usize, [(usize, f64); 2], Vec<f64>);
+
 /// Cells of a turn: 2 degrees each.
 pub const CELLS: usize = 180;
 
@@ -182,8 +185,8 @@ pub fn step(
         let mut start = 0;
         for o in block {
             let n = o.equations();
-            // one a curve and posture: the curve, its cells, the joint's column
-            let mut joint_columns: Vec<(usize, [(usize, f64); 2], Vec<f64>)> = Vec::new();
+            // one a curve and posture
+            let mut joint_columns: Vec<Touched> = Vec::new();
             evaluator.each_posture(o, |evaluator, posture| {
                 for (c, curve) in arm.curves.iter().enumerate() {
                     let mut column = vec![0.0; n];
