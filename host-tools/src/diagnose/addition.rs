@@ -321,8 +321,9 @@ fn chosen(
 /// Places in `ready` of plainer explanations than the candidate, which are preferred where
 /// held-back rows do not tell the difference.
 ///
-/// For a part of the arm that bends: gravity on several joints at once, which engineers expect,
-/// and a joint that tilts across its axis, which has one parameter. For an axis that wobbles in
+/// For a part of the arm that bends, and for a term without a name: gravity on several joints at
+/// once, which engineers expect. For a link also a joint that tilts across its axis, which has
+/// one parameter. For an axis that wobbles in
 /// directions of the link before: one that does so in the joint's own frame, in which
 /// everything else of a joint is described. A part that turns one way round is the same thing
 /// in both, its orders one apart.
@@ -341,7 +342,7 @@ fn plainer(
             first(&|h| h.kind == "joint-compliance" && h.joint.is_none()),
             first(&|h| h.kind == "cross-axis-compliance"),
         ],
-        "base-flex" | "cross-axis-compliance" => {
+        "base-flex" | "cross-axis-compliance" | "unnamed" => {
             vec![first(&|h| {
                 h.kind == "joint-compliance" && h.joint.is_none()
             })]

@@ -6,6 +6,7 @@ use super::search::{ALPHA, Search};
 use super::sensible::sensible;
 use super::space::{Score, columns};
 use super::unnamed::{offered, terms};
+use super::validate::{Blocks, HeldBack};
 use crate::identify::Failure;
 
 /// Rivals that explain the rows this much worse (difference in BIC) cannot be ruled out.
@@ -45,7 +46,7 @@ pub struct Substitutes {
 
 impl Search<'_> {
     /// Removes members that no longer pass, and exchanges a member for a substitute where
-    /// that leaves less.
+    /// that leaves less and predicts more.
     pub(super) fn exchanged(&mut self, mut model: Extended) -> Extended {
         for _ in 0..EXCHANGES {
             match self.exchange_once(&model) {
@@ -91,7 +92,8 @@ impl Search<'_> {
             if let Some(best) = best.filter(|s| gain(s) > 0.0) {
                 let mut exchanged = model.accepted.clone();
                 exchanged[index] = best.hypothesis.clone();
-                if let Ok(trial) = self.fit(&model.arm, exchanged)
+                if self.predicts_more(&rivals.without, &best.hypothesis, accepted)
+                    && let Ok(trial) = self.fit(&model.arm, exchanged)
                     && sensible(&trial, index)
                     && trial.fit.cost < model.fit.cost
                 {
@@ -100,6 +102,27 @@ impl Search<'_> {
             }
         }
         None
+    }
+
+    /// Whether rows held back at random and in blocks of joint space are predicted better with
+    /// `one` than with `other` in addition to the model. Rows that a fit has seen cannot tell:
+    /// what has more parameters imitates what nobody has named.
+    fn predicts_more(&self, model: &Extended, one: &Hypothesis, other: &Hypothesis) -> bool {
+        let (linear, space) = model.space(&self.observations, self.sigmas);
+        let both = columns(&model.arm, &[one, other], &self.observations, self.sigmas);
+        let error = |k: usize| {
+            let extra = both.select(&[k]).matrix;
+            [Blocks::Random, Blocks::Space].map(|blocks| {
+                let fold = &self.folds[0][blocks as usize];
+                let rows = &self.observations;
+                let held_back =
+                    HeldBack::new(rows, fold, &linear.jacobian, &extra, &space.residual);
+                let seen = held_back.compare(0..extra.ncols(), None);
+                seen.with.iter().sum::<f64>()
+            })
+        };
+        let ([at_random, in_space], [other_at_random, other_in_space]) = (error(0), error(1));
+        at_random < other_at_random && in_space < other_in_space
     }
 
     /// What else could stand in the place of an accepted hypothesis. `nameless`: terms without
