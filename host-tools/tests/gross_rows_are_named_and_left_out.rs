@@ -49,6 +49,8 @@ fn wrong_rows_leave_the_errors_of_the_others_alone() {
         assert_eq!(used, measured.rows.len());
         let left = report.summary.error_mm.complete.spread.rms;
         assert!(left < 0.05, "{seed}: {left} mm");
+        let noise = report.summary.noise_mm.estimated;
+        assert!((0.015..0.025).contains(&noise), "{seed}: {noise} mm");
         let told = report.held_back.iter().any(|s| s.contains("with them"));
         assert!(told, "{:?}", report.held_back);
     }

@@ -28,6 +28,9 @@ const SEARCH_EQUATIONS: usize = 2400;
 /// Rivals this close make the verdict ambiguous: odds below 20 to 1.
 pub const UNDECIDED: f64 = 6.0;
 
+/// How often gross rows are looked for once the model is complete.
+const GROSS_PASSES: usize = 5;
+
 /// Seed of the permutation tests.
 const SEED: u64 = 1;
 
@@ -142,9 +145,12 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
     let mut model = all(&found.model.arm, &kept, sigmas)?;
     sigmas = estimated(&model.arm, &kept, sigmas, model.fit.unknowns.len());
     model = all(&model.arm, &kept, sigmas)?;
-    // with the effects in, gross rows show that hid behind them
-    let worst = gross(&model.arm, &kept, sigmas);
-    if !worst.is_empty() {
+    // with the effects in, gross rows show that hid behind them, and behind each other
+    for _ in 0..GROSS_PASSES {
+        let worst = gross(&model.arm, &kept, sigmas);
+        if worst.is_empty() {
+            break;
+        }
         kept = (0..kept.len())
             .filter(|i| !worst.contains(i))
             .map(|i| kept[i])
