@@ -323,10 +323,9 @@ fn chosen(
 ///
 /// For a part of the arm that bends, and for a term without a name: gravity on several joints at
 /// once, which engineers expect. For a link also a joint that tilts across its axis, which has
-/// one parameter. For an axis that wobbles in
-/// directions of the link before: one that does so in the joint's own frame, in which
-/// everything else of a joint is described. A part that turns one way round is the same thing
-/// in both, its orders one apart.
+/// one parameter. For an axis that wobbles in directions of the link before: one that does so
+/// in the joint's own frame, in which everything else of a joint is described. A part that
+/// turns one way round is the same thing in both, its orders one apart.
 fn plainer(
     candidate: &Hypothesis,
     ready: &[usize],
