@@ -155,8 +155,11 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
             .filter(|i| !worst.contains(i))
             .map(|i| kept[i])
             .collect();
-        sigmas = estimated(&model.arm, &kept, sigmas, model.fit.unknowns.len());
-        model = all(&model.arm, &kept, sigmas)?;
+        // once for the fit, which the gross rows had spoiled, and once for its noise
+        for _ in 0..2 {
+            sigmas = estimated(&model.arm, &kept, sigmas, model.fit.unknowns.len());
+            model = all(&model.arm, &kept, sigmas)?;
+        }
     }
 
     let verify: Vec<&Observation> = problem.verify.iter().collect();

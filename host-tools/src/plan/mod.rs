@@ -60,7 +60,7 @@ impl Settings {
             poses,
             criterion: Criterion::Determinant,
             pool: 1500,
-            proposals: 40_000,
+            proposals: 80_000,
             places: 400,
             seed: 1,
         }
