@@ -6,7 +6,7 @@
     reason = "a cell that cannot be fitted in a test helper is a failed test"
 )]
 
-use std::path::PathBuf;
+mod robots;
 
 use truepose::params::Blob;
 use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen};
@@ -248,22 +248,11 @@ fn rows_stand_for_the_time_where_there_is_none_and_their_drift_is_not_deployed()
     assert!(!kinds.contains(&first.kind), "{kinds:?}");
 }
 
-/// Folder of the measured robots; `None`, with a message, where there is none, which is an
-/// error where CI runs.
-fn measured() -> Option<PathBuf> {
-    let here = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
-    let folder = std::env::var_os("TRUEPOSE_DATA").map_or(here, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    assert!(std::env::var_os("CI").is_none(), "no {}", folder.display());
-    eprintln!("skipped: no {} (TRUEPOSE_DATA)", folder.display());
-    None
-}
-
 #[test]
 fn measured_robots_lose_half_of_what_geometry_leaves() {
-    let Some(folder) = measured() else { return };
+    let Some(folder) = robots::measured() else {
+        return;
+    };
     for (name, limit, first) in [
         ("iiwa7", 0.30e-3, "joint-compliance"),
         ("irb120_tracker", 0.33e-3, "early-reading"),

@@ -6,6 +6,8 @@
     reason = "what cannot be made in a test helper is a failed test"
 )]
 
+mod synthetic;
+
 use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::Vector3;
@@ -13,7 +15,6 @@ use truepose::effects::{AXES, Ambient, Effect, Factor, Place, Selector, Shape, U
 use truepose::{Joint, JointKind, LinkMass, Pose};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::evaluator::Evaluator;
-use truepose_host::identify::method::Method;
 use truepose_host::identify::observation::{Observation, Sigmas};
 use truepose_host::identify::problem::Problem;
 use truepose_host::identify::structure::structure;
@@ -154,21 +155,11 @@ fn recover(slide: bool, truth: &[Effect<'static, f64>], shown: usize) {
     for effect in &mut blank {
         effect.model_mut().values_mut().fill(0.0);
     }
+    let rows = (0..150).map(|i| measured(&arm, i + 1, &mut random));
     let problem = Problem {
-        drawing,
-        identify: (0..150)
-            .map(|i| measured(&arm, i + 1, &mut random))
-            .collect(),
-        verify: Vec::new(),
         sigmas: SIGMAS,
-        sessions: vec![0],
-        points: Vec::new(),
-        planes: Vec::new(),
-        stations: 0,
-        targets_known: false,
-        method: Method::default(),
-        target_offsets: Vec::new(),
         effects: blank,
+        ..synthetic::problem(&drawing, rows.collect())
     };
     let calibration = identify(&problem).unwrap();
     let found = &calibration.complete.arm;

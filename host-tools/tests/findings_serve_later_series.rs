@@ -1,7 +1,7 @@
 //! What a diagnosis finds on one series of poses serves another series of the same arm: other
 //! poses, a wider range of the joints, the instrument somewhere else.
 
-use std::path::{Path, PathBuf};
+mod robots;
 
 use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen};
 use truepose_host::description::Robot;
@@ -91,22 +91,11 @@ fn a_later_series_is_predicted_better_than_by_geometry() {
     assert!(typical < 0.8, "{typical}");
 }
 
-/// Folder of the measured robots; `None`, with a message, where there is none, which is an
-/// error where CI runs.
-fn measured() -> Option<PathBuf> {
-    let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
-    let folder = std::env::var_os("TRUEPOSE_DATA").map_or(here, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    assert!(std::env::var_os("CI").is_none(), "no {}", folder.display());
-    eprintln!("skipped: no {} (TRUEPOSE_DATA)", folder.display());
-    None
-}
-
 #[test]
 fn the_first_days_of_a_measured_arm_serve_its_last() {
-    let Some(folder) = measured() else { return };
+    let Some(folder) = robots::measured() else {
+        return;
+    };
     let robot = Robot::read(&folder.join("ur10_grid_robot.toml")).unwrap();
     let file = folder.join("ur10_grid.csv");
     let all = read(&file, &Expected::of(&robot), Purpose::Fit).unwrap();

@@ -1,6 +1,6 @@
 //! Faults of the input are found and named, and right input is left alone.
 
-use std::path::{Path, PathBuf};
+mod robots;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen};
@@ -314,22 +314,11 @@ fn joints_read_before_the_arm_had_settled() {
     }
 }
 
-/// The folder of measured files; `None`, with a message, where it is absent.
-fn data() -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
-    let folder = std::env::var_os("TRUEPOSE_DATA").map_or(default, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    let in_ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
-    assert!(!in_ci, "no measured data in {}", folder.display());
-    eprintln!("skipped: no measured data in {}", folder.display());
-    None
-}
-
 #[test]
 fn measured_files_are_right_but_for_the_one_that_was_read_early() {
-    let Some(folder) = data() else { return };
+    let Some(folder) = robots::measured() else {
+        return;
+    };
     for (name, wanted) in [
         ("iiwa7", &[][..]),
         ("irb120_tracker", &[Kind::EarlyReading]),

@@ -5,7 +5,9 @@
     reason = "a file that cannot be read in a test helper is a failed test"
 )]
 
-use std::path::{Path, PathBuf};
+mod robots;
+
+use std::path::Path;
 
 use truepose_host::description::Robot;
 use truepose_host::identify::named::effects;
@@ -13,19 +15,6 @@ use truepose_host::identify::readings::identify_file;
 use truepose_host::measurement::{Expected, Purpose, read};
 use truepose_host::report::Report;
 use truepose_host::report::schema::{Status, Verdict};
-
-/// The folder of the files; `None`, with a message, where it is absent. In CI it must be there.
-fn data() -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
-    let folder = std::env::var_os("TRUEPOSE_DATA").map_or(default, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    let in_ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
-    assert!(!in_ci, "no measured data in {}", folder.display());
-    eprintln!("skipped: no measured data in {}", folder.display());
-    None
-}
 
 fn report(folder: &Path, name: &str, named: &[&str]) -> Report {
     let robot = Robot::read(&folder.join(format!("{name}_robot.toml"))).unwrap();
@@ -45,7 +34,9 @@ fn close(found: f64, expected: f64) -> bool {
 
 #[test]
 fn geometry_alone_explains_as_much_as_an_independent_fit() {
-    let Some(folder) = data() else { return };
+    let Some(folder) = robots::measured() else {
+        return;
+    };
     for (name, nominal, geometric) in [
         ("ur10_grid", 0.848, 0.443),
         ("iiwa7", 1.210, 0.694),
@@ -72,7 +63,9 @@ fn geometry_alone_explains_as_much_as_an_independent_fit() {
 
 #[test]
 fn joint_compliance_named_on_the_command_line_explains_most_of_the_rest() {
-    let Some(folder) = data() else { return };
+    let Some(folder) = robots::measured() else {
+        return;
+    };
     for (name, at_most) in [("iiwa7", 0.334), ("irb120_tracker_cmd", 0.15)] {
         let report = report(&folder, name, &["joint-compliance"]);
         let [_, after] = report.before_and_after_mm();

@@ -1,6 +1,8 @@
 //! Mooring, Roth and Driels' case study against its own tables: conversion (6.7 to 6.10), gain in
 //! accuracy (6.13).
 
+mod synthetic;
+
 use std::f64::consts::PI;
 
 use nalgebra::Vector3;
@@ -12,7 +14,6 @@ use truepose_host::description::{Robot, RobotJoint};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::evaluator::Evaluator;
 use truepose_host::identify::identify;
-use truepose_host::identify::method::Method;
 use truepose_host::identify::observation::{Observation, Sigmas};
 use truepose_host::identify::problem::Problem;
 use truepose_host::random::Random;
@@ -273,18 +274,8 @@ fn both_models_of_the_case_study_gain_more_than_an_order_of_magnitude() {
         for form in [Form::Hayati, Form::ZeroReference] {
             let drawing = ArmModel::drawn(&convert(&nominal, form).unwrap().robot);
             let problem = Problem {
-                drawing,
-                identify: fit.clone(),
-                verify: Vec::new(),
                 sigmas,
-                sessions: vec![0],
-                points: Vec::new(),
-                planes: Vec::new(),
-                stations: 0,
-                targets_known: false,
-                method: Method::default(),
-                target_offsets: Vec::new(),
-                effects: Vec::new(),
+                ..synthetic::problem(&drawing, fit.clone())
             };
             let arm = identify(&problem).unwrap().complete.arm;
             let after = error(&|q| {

@@ -1,26 +1,15 @@
 //! The measured files that the project is developed on parse as what they are.
 
-use std::path::{Path, PathBuf};
+mod robots;
 
 use truepose_host::description::Robot;
 use truepose_host::measurement::{Expected, Measured, Purpose, Set, read};
 
-/// The folder of the files; `None`, with a message, where it is absent. In CI it must be there.
-fn data() -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
-    let folder = std::env::var_os("TRUEPOSE_DATA").map_or(default, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    let in_ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
-    assert!(!in_ci, "no measured data in {}", folder.display());
-    eprintln!("skipped: no measured data in {}", folder.display());
-    None
-}
-
 #[test]
 fn every_file_has_its_joints_rows_and_conditions() {
-    let Some(folder) = data() else { return };
+    let Some(folder) = robots::measured() else {
+        return;
+    };
     let table = [
         ("iiwa7", 7, 304, Measured::Pose, 0, (false, 0, false)),
         (
@@ -65,7 +54,9 @@ fn every_file_has_its_joints_rows_and_conditions() {
 
 #[test]
 fn nominal_robots_reach_what_was_measured() {
-    let Some(folder) = data() else { return };
+    let Some(folder) = robots::measured() else {
+        return;
+    };
     // Base and tool in these files are rounded to 10 mm and 1 deg: 3 deg and 60 mm hold all
     // of that and the robots' own errors at arm's length.
     for name in ["iiwa7", "irb120_tracker", "irb120_tracker_cmd", "ur10_grid"] {
