@@ -19,6 +19,7 @@ use crate::identify::gross::{gross, gross_unseen};
 use crate::identify::noise::fitted;
 use crate::identify::observation::Observation;
 use crate::identify::readings::Identified;
+use crate::identify::solve::misfit;
 use crate::identify::{Failure, Stage, geometry};
 
 /// Scalar equations that the search works on; more rows are thinned evenly, and all of them
@@ -147,7 +148,12 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
     model = all(&model.arm, &kept, sigmas)?;
     // with the effects in, gross rows show that hid behind them, and behind each other
     for _ in 0..GROSS_PASSES {
-        let worst = gross(&model.arm, &kept, sigmas);
+        let worst = gross(
+            &model.arm,
+            &kept,
+            sigmas,
+            &misfit(&model.arm, &kept, sigmas),
+        );
         if worst.is_empty() {
             break;
         }

@@ -66,10 +66,6 @@ pub struct Preconditioner {
     first: DMatrix<f64>,
     /// J times this is nearly orthonormal.
     whitening: DMatrix<f64>,
-    /// Lengths of the columns of J.
-    lengths: Vec<f64>,
-    /// Frobenius bound on the condition number of J with columns of length one.
-    condition: f64,
 }
 
 impl Preconditioner {
@@ -82,9 +78,7 @@ impl Preconditioner {
         }
         let unit = DMatrix::from_fn(n, n, |i, j| normal[(i, j)] / (lengths[i] * lengths[j]));
         let lower = unit.cholesky()?.unpack();
-        let inverse = lower_inverse(lower.clone())?;
-        let condition = (n as f64).sqrt() * inverse.norm();
-        let mut whitening = inverse.transpose();
+        let mut whitening = lower_inverse(lower.clone())?.transpose();
         for (mut row, length) in whitening.row_iter_mut().zip(&lengths) {
             row /= *length;
         }
@@ -92,20 +86,7 @@ impl Preconditioner {
         for (mut column, length) in first.column_iter_mut().zip(&lengths) {
             column *= *length;
         }
-        Some(Self {
-            first,
-            whitening,
-            lengths,
-            condition,
-        })
-    }
-
-    /// True if every column stands so clear of both limits of [`select`] that it would keep
-    /// all: the diagonal of R is how much of each column is orthogonal to those before it,
-    /// and the Cholesky factor has it to epsilon times the condition number squared.
-    pub fn keeps_all(&self, visible: f64, relative: f64) -> bool {
-        let clear = |(r, length): (&f64, &f64)| *r > 2.0 * visible && *r > 1e3 * relative * length;
-        self.condition < 1e5 && self.first.diagonal().iter().zip(&self.lengths).all(clear)
+        Some(Self { first, whitening })
     }
 
     /// A block of the Jacobian with nearly orthonormal columns.
@@ -224,12 +205,100 @@ pub fn select_in_turns(jacobian: &DMatrix<f64>, visible: f64, relative: &[f64]) 
                 basis.push(unit, coefficients, left);
                 selection.kept.push(k);
             } else {
-                let combination = basis.combination(coefficients, &selection.kept);
+                let weights = basis.triangle.backward(coefficients);
+                let combination = combination(weights, &selection.kept);
                 selection.dropped.push((k, Dropped::Dependent(combination)));
             }
         }
     }
     selection
+}
+
+/// The same from `normal` = JᵀJ of `equations` rows, `None` where its rounding could decide
+/// otherwise. A Cholesky factorisation that passes over dependent columns is exact for a matrix
+/// within (rows + columns) epsilon of JᵀJ, each entry by the lengths of its two columns (Higham
+/// 2002, 10.3): what of a column is left over is off by at most that much of the combination
+/// that is taken from it, squared.
+pub fn select_by_normal(
+    normal: &DMatrix<f64>,
+    equations: usize,
+    visible: f64,
+    relative: f64,
+) -> Option<Selection> {
+    let n = normal.ncols();
+    let rounding = 2.0 * (equations + n) as f64 * f64::EPSILON;
+    let mut triangle = Rows::default();
+    let mut selection = Selection::default();
+    let mut lengths: Vec<f64> = Vec::new();
+    for k in 0..n {
+        let square = normal[(k, k)];
+        let length = square.sqrt();
+        if length <= visible {
+            selection.dropped.push((k, Dropped::Invisible));
+            continue;
+        }
+        let products = selection.kept.iter().map(|&i| normal[(i, k)]);
+        let along = triangle.forward(products.collect());
+        let left = square - dot(&along, &along);
+        let weights = triangle.backward(along.clone());
+        let taken: f64 = weights.iter().zip(&lengths).map(|(w, l)| w.abs() * l).sum();
+        let error = rounding * (length + taken).powi(2);
+        let limit = (visible * visible).max(relative * relative * square);
+        if left - error > limit {
+            triangle.push(along, left.sqrt());
+            selection.kept.push(k);
+            lengths.push(length);
+        } else if left + error < limit {
+            let combination = combination(weights, &selection.kept);
+            selection.dropped.push((k, Dropped::Dependent(combination)));
+        } else {
+            return None;
+        }
+    }
+    Some(selection)
+}
+
+/// Rows of a lower triangle L.
+#[derive(Default)]
+struct Rows(Vec<Vec<f64>>);
+
+impl Rows {
+    fn push(&mut self, mut row: Vec<f64>, diagonal: f64) {
+        row.push(diagonal);
+        self.0.push(row);
+    }
+
+    /// L⁻¹ x.
+    fn forward(&self, mut x: Vec<f64>) -> Vec<f64> {
+        for (i, row) in self.0.iter().enumerate() {
+            x[i] = (x[i] - dot(&row[..i], &x[..i])) / row[i];
+        }
+        x
+    }
+
+    /// L⁻ᵀ x.
+    fn backward(&self, mut x: Vec<f64>) -> Vec<f64> {
+        for (i, row) in self.0.iter().enumerate().rev() {
+            let value = x[i] / row[i];
+            x[i] = value;
+            for (y, l) in x[..i].iter_mut().zip(row) {
+                *y -= value * l;
+            }
+        }
+        x
+    }
+}
+
+/// The weights of a combination of the `kept` columns, largest first.
+fn combination(weights: Vec<f64>, kept: &[usize]) -> Vec<(usize, f64)> {
+    let mut combination: Vec<(usize, f64)> = kept
+        .iter()
+        .copied()
+        .zip(weights)
+        .filter(|(_, w)| w.abs() > 1e-6)
+        .collect();
+    combination.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+    combination
 }
 
 /// Product of two slices of one length, in four sums that the processor forms at once.
@@ -253,7 +322,7 @@ fn norm(a: &[f64]) -> f64 {
 #[derive(Default)]
 struct Basis {
     columns: Vec<Vec<f64>>,
-    triangle: Vec<Vec<f64>>,
+    triangle: Rows,
 }
 
 impl Basis {
@@ -279,28 +348,8 @@ impl Basis {
         (column, coefficients)
     }
 
-    fn push(&mut self, unit: Vec<f64>, mut coefficients: Vec<f64>, rest: f64) {
-        coefficients.push(rest);
-        self.triangle.push(coefficients);
+    fn push(&mut self, unit: Vec<f64>, coefficients: Vec<f64>, rest: f64) {
+        self.triangle.push(coefficients, rest);
         self.columns.push(unit);
-    }
-
-    /// A column as a combination of the `kept` ones, largest weight first, by back
-    /// substitution.
-    fn combination(&self, coefficients: Vec<f64>, kept: &[usize]) -> Vec<(usize, f64)> {
-        let mut weights = coefficients;
-        for i in (0..weights.len()).rev() {
-            let later = self.triangle.iter().zip(&weights).skip(i + 1);
-            let taken: f64 = later.map(|(column, w)| column[i] * w).sum();
-            weights[i] = (weights[i] - taken) / self.triangle[i][i];
-        }
-        let mut combination: Vec<(usize, f64)> = kept
-            .iter()
-            .copied()
-            .zip(weights)
-            .filter(|(_, w)| w.abs() > 1e-6)
-            .collect();
-        combination.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-        combination
     }
 }

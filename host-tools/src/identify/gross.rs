@@ -17,14 +17,18 @@ const NEIGHBOURS: usize = 10;
 /// is gross, more are so once in a thousand times; a region that fits badly holds more.
 const BAD_NEIGHBOURS: usize = 3;
 
-/// Indices of the rows that stand apart, ascending, at most a tenth of all.
+/// Indices of the rows that stand apart by their [`misfit`], ascending, at most a tenth of all.
 ///
 /// What the model lacks makes tails, and rows in the tails are what shows it. So the worst
 /// tenth and not the median is the yardstick, and a row is only gross if the arm fits well
 /// in its neighbourhood: what the arm does at a posture its neighbours do as well.
-pub fn gross(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> Vec<usize> {
-    let misfit = misfit(arm, observations, sigmas);
-    let tenth = worst_tenth(&misfit);
+pub fn gross(
+    arm: &ArmModel,
+    observations: &[&Observation],
+    sigmas: Sigmas,
+    misfit: &[f64],
+) -> Vec<usize> {
+    let tenth = worst_tenth(misfit);
     let suspicious: Vec<usize> = (0..misfit.len())
         .filter(|&i| misfit[i] > APART * tenth && misfit[i] > 1.0)
         .collect();
@@ -34,7 +38,7 @@ pub fn gross(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> V
     let levers = levers(arm, observations, sigmas);
     let mut worst: Vec<usize> = suspicious
         .into_iter()
-        .filter(|&i| misfit[i] > APART * around(i, observations, &levers, &misfit))
+        .filter(|&i| misfit[i] > APART * around(i, observations, &levers, misfit))
         .collect();
     worst.sort_by(|&a, &b| misfit[b].total_cmp(&misfit[a]).then(a.cmp(&b)));
     worst.truncate(misfit.len() / 10);
@@ -47,10 +51,9 @@ pub fn gross(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> V
 const SUSPICIOUS: f64 = 6.0;
 
 /// True where some row is so far off that gross rows may hide, one pulling the fit from another.
-pub fn may_hide(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> bool {
-    let misfit = misfit(arm, observations, sigmas);
+pub fn may_hide(misfit: &[f64]) -> bool {
     let largest = misfit.iter().copied().fold(0.0, f64::max);
-    largest > SUSPICIOUS * worst_tenth(&misfit)
+    largest > SUSPICIOUS * worst_tenth(misfit)
 }
 
 /// The rows with weights by Cauchy's loss: how much each pulls a fit, the farther off the less.
@@ -85,8 +88,11 @@ pub fn gross_unseen(
     unseen: &[&Observation],
     sigmas: Sigmas,
 ) -> Vec<usize> {
+    if unseen.is_empty() {
+        return Vec::new();
+    }
     let all: Vec<&Observation> = fitted.iter().chain(unseen).copied().collect();
-    let apart = gross(complete, &all, sigmas);
+    let apart = gross(complete, &all, sigmas, &misfit(complete, &all, sigmas));
     let before = misfit(geometric, &all, sigmas);
     let tenth = worst_tenth(&before);
     apart

@@ -46,8 +46,8 @@ use observation::Observation;
 use prior::Prior;
 use problem::Problem;
 use robust::Outlier;
-use solve::Solved;
 pub(crate) use solve::fit;
+use solve::{Solved, misfit};
 use structure::{Structure, structure};
 use unknown::Unknown;
 use unseen::Shown;
@@ -273,29 +273,31 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
         method.fit(arm, &nominal.arm, candidates, rows, problem.sigmas)
     };
     let mut fitted = fit(&mut geometric, &candidates, &kept_rows);
-    let mut shows = geometric.clone();
-    if method.loss == Loss::Square && may_hide(&geometric, &all, problem.sigmas) {
-        for _ in 0..SOFT_FITS {
-            let soft = softened(&shows, &all, problem.sigmas);
-            let soft: Vec<&Observation> = soft.iter().collect();
-            fit(&mut shows, &candidates, &soft);
+    if method.loss == Loss::Square {
+        let mut shows = geometric.clone();
+        let mut misfits = misfit(&shows, &all, problem.sigmas);
+        if may_hide(&misfits) {
+            for _ in 0..SOFT_FITS {
+                let soft = softened(&shows, &all, problem.sigmas);
+                let soft: Vec<&Observation> = soft.iter().collect();
+                fit(&mut shows, &candidates, &soft);
+            }
+            misfits = misfit(&shows, &all, problem.sigmas);
         }
-    }
-    for _ in 0..5 {
-        if method.loss != Loss::Square {
-            break;
+        for _ in 0..5 {
+            let worst = gross(&shows, &all, problem.sigmas, &misfits);
+            if worst == left_out {
+                break;
+            }
+            kept_rows = (0..all.len())
+                .filter(|i| !worst.contains(i))
+                .map(|i| all[i])
+                .collect();
+            left_out = worst;
+            fitted = fit(&mut geometric, &candidates, &kept_rows);
+            shows = geometric.clone();
+            misfits = misfit(&shows, &all, problem.sigmas);
         }
-        let worst = gross(&shows, &all, problem.sigmas);
-        if worst == left_out {
-            break;
-        }
-        kept_rows = (0..all.len())
-            .filter(|i| !worst.contains(i))
-            .map(|i| all[i])
-            .collect();
-        left_out = worst;
-        fitted = fit(&mut geometric, &candidates, &kept_rows);
-        shows = geometric.clone();
     }
     turn_tool(&mut geometric, problem);
     let settled = |fitted: &Fitted| match fitted.solved.converged {

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::arm::ArmModel;
-use super::factor::{Preconditioner, Selection, Triangle, gram, select};
+use super::factor::{Preconditioner, Selection, Triangle, gram, select, select_by_normal};
 use super::linearize::{Linear, linearize};
 use super::observation::{Observation, Sigmas};
 use super::prior::Prior;
@@ -79,18 +79,16 @@ impl Normal {
         sum
     }
 
-    /// Which columns the observations can tell apart: orthogonal columns decide, except where
-    /// the normal equations already prove that all of them do.
+    /// Which columns the observations can tell apart: orthogonal columns decide where the
+    /// normal equations cannot.
     pub(super) fn selection(
         &self,
         at: &Linearised<'_>,
         observations: &[&Observation],
     ) -> Selection {
-        if Preconditioner::new(&self.matrix).is_some_and(|p| p.keeps_all(VISIBLE, RELATIVE)) {
-            return Selection {
-                kept: (0..at.unknowns.len()).collect(),
-                dropped: Vec::new(),
-            };
+        let equations = observations.iter().map(|o| o.equations()).sum();
+        if let Some(decided) = select_by_normal(&self.matrix, equations, VISIBLE, RELATIVE) {
+            return decided;
         }
         select(
             &self.triangle(at, observations, Prior::None).r,
