@@ -61,7 +61,10 @@ fn normal_equations_select_as_columns_do() {
         }
     }
     assert!(decided > 350, "undecided too often: {decided} of 400");
-    assert!(dependent > 350, "{dependent} dependent columns in {decided} cases");
+    assert!(
+        dependent > 350,
+        "{dependent} dependent columns in {decided} cases"
+    );
 }
 
 #[test]
