@@ -182,16 +182,14 @@ pub fn select(jacobian: &DMatrix<f64>, visible: f64, relative: f64) -> Selection
 }
 
 /// The same in several turns: what one share of `relative` leaves out is asked again with the
-/// next. `kept` is in the order of being kept.
+/// next, unless it falls short of the last already. `kept` is in the order of being kept.
 pub fn select_in_turns(jacobian: &DMatrix<f64>, visible: f64, relative: &[f64]) -> Selection {
     let mut basis = Basis::default();
     let mut selection = Selection::default();
-    for (turn, &relative) in relative.iter().enumerate() {
-        let asked: Vec<usize> = match turn {
-            0 => (0..jacobian.ncols()).collect(),
-            _ => selection.dropped.drain(..).map(|(k, _)| k).collect(),
-        };
-        for k in asked {
+    let last = relative.last().copied().unwrap_or(0.0);
+    let mut asked: Vec<usize> = (0..jacobian.ncols()).collect();
+    for &relative in relative {
+        for k in std::mem::take(&mut asked) {
             let column = jacobian.column(k).iter().copied().collect::<Vec<f64>>();
             let length = norm(&column);
             if length <= visible {
@@ -204,6 +202,8 @@ pub fn select_in_turns(jacobian: &DMatrix<f64>, visible: f64, relative: &[f64]) 
                 let unit = rest.iter().map(|x| x / left).collect();
                 basis.push(unit, coefficients, left);
                 selection.kept.push(k);
+            } else if left > visible && left > last * length {
+                asked.push(k);
             } else {
                 let weights = basis.triangle.backward(coefficients);
                 let combination = combination(weights, &selection.kept);
