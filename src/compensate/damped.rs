@@ -37,25 +37,34 @@ struct Symmetric<T> {
 }
 
 impl<T: Scalar> Symmetric<T> {
+    /// Adds `a bᵀ`, which is symmetric.
     #[inline(always)]
-    fn add_square(&mut self, v: &Vector3<T>) {
-        self.xx += v.x * v.x;
-        self.yx += v.y * v.x;
-        self.yy += v.y * v.y;
-        self.zx += v.z * v.x;
-        self.zy += v.z * v.y;
-        self.zz += v.z * v.z;
+    fn add_product(&mut self, a: &Vector3<T>, b: &Vector3<T>) {
+        self.xx += a.x * b.x;
+        self.yx += a.y * b.x;
+        self.yy += a.y * b.y;
+        self.zx += a.z * b.x;
+        self.zy += a.z * b.y;
+        self.zz += a.z * b.z;
     }
 
+    /// No pivot is taken below `floor`, where there is one.
     #[inline(always)]
-    fn factor(&self) -> Factor<T> {
-        let one = T::one();
-        let ix = one / self.xx;
+    fn factor(&self, floor: Option<T>) -> Factor<T> {
+        let inverse = |pivot| {
+            T::one()
+                / match floor {
+                    None => pivot,
+                    Some(floor) if pivot > floor => pivot,
+                    Some(floor) => floor,
+                }
+        };
+        let ix = inverse(self.xx);
         let (yx, zx) = (self.yx * ix, self.zx * ix);
-        let iy = one / (self.yy - yx * self.yx);
+        let iy = inverse(self.yy - yx * self.yx);
         let below = self.zy - yx * self.zx;
         let zy = below * iy;
-        let iz = one / (self.zz - zx * self.zx - zy * below);
+        let iz = inverse(self.zz - zx * self.zx - zy * below);
         Factor {
             yx,
             zx,
@@ -166,24 +175,50 @@ impl<T: Scalar> NormalMatrix<T> {
         }
     }
 
+    /// `mu` times the identity.
+    #[inline(always)]
+    fn diagonal(mu: T) -> Self {
+        let o = T::zero();
+        let diagonal = Symmetric {
+            xx: mu,
+            yx: o,
+            yy: mu,
+            zx: o,
+            zy: o,
+            zz: mu,
+        };
+        Self {
+            angular: diagonal,
+            linear: diagonal,
+            mixed: [Vector3::zeros(); 3],
+        }
+    }
+
     /// Adds one column of J.
     #[inline(always)]
     fn add(&mut self, column: &Twist<T>) {
-        let (v, w) = (&column.linear, &column.angular);
-        self.linear.add_square(v);
-        self.angular.add_square(w);
+        self.add_product(column, column);
+    }
+
+    /// Adds `a bᵀ`, which is symmetric.
+    #[inline(always)]
+    fn add_product(&mut self, a: &Twist<T>, b: &Twist<T>) {
+        self.linear.add_product(&a.linear, &b.linear);
+        self.angular.add_product(&a.angular, &b.angular);
+        let (v, w) = (&a.linear, &b.angular);
         let [x, y, z] = &mut self.mixed;
         *x += w * v.x;
         *y += w * v.y;
         *z += w * v.z;
     }
 
-    /// Solves for `y`; where `clearance` is asked for, with the trace of the inverse of the
-    /// matrix, otherwise with zero. Not finite if the matrix is not positive definite or a
-    /// number in it or in `e` is not finite; the caller's checks find it.
+    /// Solves for `y`; where `clearance` is asked for, with the two halves of the trace of the
+    /// inverse of the matrix, linear and angular, otherwise with zeros. No pivot is taken below
+    /// `floor`; without one, not finite if the matrix is not positive definite. Nor if a number
+    /// in it or in `e` is not finite; the caller's checks find it.
     #[inline(always)]
-    fn solve(&self, e: &Twist<T>, clearance: bool) -> (Twist<T>, T) {
-        let upper = self.angular.factor();
+    fn solve(&self, e: &Twist<T>, floor: Option<T>, clearance: bool) -> (Twist<T>, [T; 2]) {
+        let upper = self.angular.factor(floor);
         let [x, y, z] = &self.mixed;
         let (x, y, z) = (upper.forward(x), upper.forward(y), upper.forward(z));
         let (lx, ly, lz) = (upper.scaled(&x), upper.scaled(&y), upper.scaled(&z));
@@ -196,7 +231,7 @@ impl<T: Scalar> NormalMatrix<T> {
             zy: less(a.zy, &lz, &y),
             zz: less(a.zz, &lz, &z),
         }
-        .factor();
+        .factor(floor);
         let f = upper.forward(&e.angular);
         let b = &e.linear;
         let g = lower.forward(&Vector3::new(
@@ -207,19 +242,19 @@ impl<T: Scalar> NormalMatrix<T> {
         let linear = lower.backward(&lower.scaled(&g));
         let rest = upper.scaled(&f) - lx * linear.x - ly * linear.y - lz * linear.z;
         let solution = Twist::new(linear, upper.backward(&rest));
-        let trace = if clearance {
+        let traces = if clearance {
             let rows = [&lx, &ly, &lz].map(|row| upper.behind(row));
             let [x, y, z] = lower.before(rows);
             let i = &lower.inverse;
-            upper.inverse_trace()
-                + lower.inverse_trace()
+            let angular = upper.inverse_trace()
                 + i.x * x.norm_squared()
                 + i.y * y.norm_squared()
-                + i.z * z.norm_squared()
+                + i.z * z.norm_squared();
+            [lower.inverse_trace(), angular]
         } else {
-            T::zero()
+            [T::zero(); 2]
         };
-        (solution, trace)
+        (solution, traces)
     }
 }
 
@@ -256,5 +291,29 @@ pub(super) fn multipliers<T: Scalar>(
     for column in columns.iter().take(core::hint::black_box(columns.len())) {
         normal.add(column);
     }
-    normal.solve(e, clearance)
+    let (y, [linear, angular]) = normal.solve(e, None, clearance);
+    (y, linear + angular)
+}
+
+/// Solves `(J S Jᵀ + mu I) y = e` for any J, with the two halves of the trace of
+/// `(J S Jᵀ + mu I)⁻¹`, linear and angular. `columns`: of J; `shares`: diagonal of S. No pivot
+/// is taken below `mu`, which is what it leaves of one without rounding: so there is always an
+/// answer.
+#[inline(never)]
+pub(super) fn shared_multipliers<T: Scalar>(
+    columns: &[[T; 6]],
+    shares: &[T],
+    mu: T,
+    e: &[T; 6],
+) -> ([T; 6], [T; 2]) {
+    let twist = |&[a, b, c, d, e, f]: &[T; 6]| Twist::new(Vector3::new(a, b, c), Vector3::new(d, e, f));
+    let mut normal = NormalMatrix::diagonal(mu);
+    // As above.
+    let count = core::hint::black_box(columns.len());
+    for (column, &share) in columns.iter().zip(shares).take(count) {
+        let column = twist(column);
+        normal.add_product(&column.scaled(share), &column);
+    }
+    let (y, traces) = normal.solve(&twist(e), Some(mu), true);
+    (y.rows(), traces)
 }

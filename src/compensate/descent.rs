@@ -6,7 +6,8 @@ use nalgebra::Vector3;
 use super::Status;
 use super::error::{PoseError, between};
 use super::inverse_jacobian::singular_effort;
-use super::step::{Columns, Ready, clearance, confined, damped_step, within_box};
+use super::solve::dot;
+use super::step::{Columns, clearance, confined, damped_step, within_box};
 use crate::budget::{Budget, Clock, Cost};
 use crate::jacobian::joint_column;
 use crate::model::Room;
@@ -18,7 +19,7 @@ pub(super) struct Descent<'p, T: Scalar, const N: usize> {
     pub(super) arm: &'p Prepared<'p, T>,
     pub(super) joints: &'p [BakedJoint<T>; N],
     pub(super) settings: &'p Settings<T>,
-    pub(super) desired: Pose<T>,
+    pub(super) desired: &'p Pose<T>,
     /// The command that came in, inside the limits.
     pub(super) start: [T; N],
     /// Where each joint may go.
@@ -31,16 +32,81 @@ pub(super) struct Descent<'p, T: Scalar, const N: usize> {
 }
 
 /// A command and where the model puts it.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Point<T: Scalar, const N: usize> {
     pub(super) q: [T; N],
-    pub(super) error: PoseError<T>,
     /// Predicted to desired.
     pub(super) twist: Twist<T>,
+    /// Squares of position and orientation error.
+    squares: [T; 2],
     /// Square of the weighted error.
     pub(super) square: T,
+    /// What is minimised: the same and the effort.
+    merit: T,
     /// Tool point of the rigid chain, m.
     tool: Vector3<T>,
+}
+
+impl<T: Scalar, const N: usize> Point<T, N> {
+    fn nowhere() -> Self {
+        let o = T::zero();
+        Self {
+            q: [o; N],
+            twist: Twist::zero(),
+            squares: [o; 2],
+            square: o,
+            merit: o,
+            tool: Vector3::zeros(),
+        }
+    }
+
+    /// Predicted error.
+    pub(super) fn error(&self) -> PoseError<T> {
+        let [position, orientation] = self.squares.map(T::rough_root);
+        PoseError {
+            position,
+            orientation,
+        }
+    }
+}
+
+/// Room for a search, kept from one request to the next to save filling it with zeros.
+#[derive(Clone, Debug)]
+pub(super) struct Work<T: Scalar, const N: usize> {
+    /// Of the last evaluation.
+    pub(super) room: Room<T, N>,
+    /// Weighted joint Jacobian.
+    columns: Columns<T, N>,
+    /// The start and two more.
+    pub(super) points: [Point<T, N>; 3],
+}
+
+impl<T: Scalar, const N: usize> Default for Work<T, N> {
+    fn default() -> Self {
+        Self {
+            room: Room::default(),
+            columns: [[T::zero(); 6]; N],
+            points: [Point::nowhere(); 3],
+        }
+    }
+}
+
+/// What a search comes to.
+pub(super) struct Found<'w, T: Scalar, const N: usize> {
+    pub(super) initial: &'w Point<T, N>,
+    pub(super) best: &'w Point<T, N>,
+    pub(super) status: Status,
+    pub(super) iterations: u8,
+}
+
+/// Where a step begins.
+enum Begin<T> {
+    /// With the frames of the last evaluation.
+    Frames,
+    /// With its Jacobian.
+    Columns,
+    /// And with the solution `y` of its equations, without effort.
+    Solved([T; 6]),
 }
 
 /// Steps that bring less than a quarter of what the linear model promises are shortened, at
@@ -49,96 +115,120 @@ const SHORTENINGS: u8 = 3;
 
 impl<T: Scalar, const N: usize> Descent<'_, T, N> {
     /// From the start, or from the start plus the `remembered` correction where that is
-    /// better. Returns the start's error, the best command, why it ended and the iterations;
-    /// `None` where the model gives no finite pose for the start.
-    pub(super) fn run<C: Clock>(
+    /// better. `None` where the model gives no finite pose for the start.
+    pub(super) fn run<'w, C: Clock>(
         &mut self,
         remembered: &[T; N],
+        work: &'w mut Work<T, N>,
         budget: &Budget<'_, C>,
         cost: &Cost,
-    ) -> Option<(PoseError<T>, Point<T, N>, Status, u8)> {
-        let mut room = Room::default();
-        let initial = self.evaluate(self.start, &mut room)?;
-        if self.converged(&initial) {
-            return Some((initial.error, initial, Status::Converged, 0));
+    ) -> Option<Found<'w, T, N>> {
+        let Work {
+            room,
+            columns,
+            points: [initial, best, trial],
+        } = work;
+        initial.q = self.start;
+        if !self.evaluate(initial, room) {
+            return None;
+        }
+        let unmoved = |initial, status| Found {
+            initial,
+            best: initial,
+            status,
+            iterations: 0,
+        };
+        if self.converged(initial) {
+            return Some(unmoved(initial, Status::Converged));
         }
         if self.settings.max_iterations == 0 {
-            return Some((initial.error, initial, Status::IterationLimit, 0));
+            return Some(unmoved(initial, Status::IterationLimit));
         }
         // From the start's own configuration, wherever the search begins: so that the problem,
         // and with it the answer, does not depend on what is remembered.
-        let mut ready = self.add_singular_effort(&initial, &room);
-        let mut best = initial;
+        let mut begin = self.add_singular_effort(initial, room, columns);
+        *best = *initial;
+        let (mut best, mut trial) = (best, trial);
         if remembered.iter().any(|d| !d.is_zero()) {
-            let warm = self.evaluate(self.moved(&self.start, remembered, T::one()), &mut room);
-            best = match warm.filter(|warm| self.merit(warm) < initial.square) {
-                Some(warm) => {
-                    ready = None;
-                    warm
-                }
-                // The frames have to be the start's again.
-                None => self.evaluate(self.start, &mut room)?,
-            };
+            self.move_to(&self.start, remembered, T::one(), &mut trial.q);
+            if self.evaluate(trial, room) && trial.merit < initial.square {
+                core::mem::swap(&mut best, &mut trial);
+                begin = Begin::Frames;
+            }
         }
-        let (found, status, iterations) = self.iterate(best, ready, &mut room, budget, cost);
+        let (best, status, iterations) =
+            self.iterate(best, trial, begin, room, columns, budget, cost);
         // Never worse: the merit only falls, so this guards against rounding alone.
-        let found = if found.square <= initial.square {
-            found
+        let initial = &*initial;
+        let best = if best.square <= initial.square {
+            best
         } else {
             initial
         };
-        Some((initial.error, found, status, iterations))
+        Some(Found {
+            initial,
+            best,
+            status,
+            iterations,
+        })
     }
 
-    fn iterate<C: Clock>(
+    #[expect(clippy::too_many_arguments, reason = "the places of one search")]
+    fn iterate<'w, C: Clock>(
         &mut self,
-        mut best: Point<T, N>,
-        mut ready: Option<Ready<T, N>>,
+        mut best: &'w mut Point<T, N>,
+        mut trial: &'w mut Point<T, N>,
+        mut begin: Begin<T>,
         room: &mut Room<T, N>,
+        columns: &mut Columns<T, N>,
         budget: &Budget<'_, C>,
         cost: &Cost,
-    ) -> (Point<T, N>, Status, u8) {
+    ) -> (&'w Point<T, N>, Status, u8) {
         let mut iterations = 0;
         loop {
-            if self.converged(&best) {
+            if self.converged(best) {
                 return (best, Status::Converged, iterations);
             }
             if let Some(status) = self.halt(iterations, budget, cost.iteration) {
                 return (best, status, iterations);
             }
             let begun = budget.spent();
-            let Some((step, slope)) = self.step(&best, ready.take(), room) else {
+            if matches!(begin, Begin::Frames) {
+                self.set_columns(best, room, columns);
+            }
+            let mut step = [T::zero(); N];
+            let Some(slope) = self.step(best, &begin, columns, &mut step) else {
                 return (best, Status::Settled, iterations);
             };
+            begin = Begin::Frames;
             let mut scale = T::one();
             for shortening in 0..=SHORTENINGS {
-                let trial = self.evaluate(self.moved(&best.q, &step, scale), room);
+                self.move_to(&best.q, &step, scale, &mut trial.q);
+                let finite = self.evaluate(trial, room);
                 iterations += 1;
                 self.longest = self.longest.max(budget.spent().wrapping_sub(begun));
-                let gain = match &trial {
-                    Some(trial) => (self.merit(&best) - self.merit(trial)) / (slope * scale),
-                    None => -T::one() / T::EPSILON,
+                let gain = if finite {
+                    (best.merit - trial.merit) / (slope * scale)
+                } else {
+                    -T::one() / T::EPSILON
                 };
+                if gain >= T::of(0.25) {
+                    core::mem::swap(&mut best, &mut trial);
+                    break;
+                }
                 let stop = if shortening == SHORTENINGS {
                     Some(Status::Settled)
                 } else {
                     self.halt(iterations, budget, cost.iteration)
                 };
-                let quarter = T::of(0.25);
-                match (trial, stop) {
-                    (Some(trial), _) if gain >= quarter => {
-                        best = trial;
-                        break;
-                    }
+                match stop {
                     // No time to shorten it: it still may be better than nothing.
-                    (Some(trial), Some(status)) if gain > T::zero() => {
-                        return (trial, status, iterations);
-                    }
-                    (_, Some(status)) => return (best, status, iterations),
+                    Some(status) if gain > T::zero() => return (trial, status, iterations),
+                    Some(status) => return (best, status, iterations),
                     // Half as far again as the parabola through value, slope and new value
                     // has its minimum: the full step for a gain of one quarter, and less
                     // without a jump below.
-                    (_, None) => scale *= T::of(0.75) / (T::one() - gain),
+                    None => scale *= T::of(0.75) / (T::one() - gain),
                 }
             }
         }
@@ -160,95 +250,82 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         }
     }
 
-    /// The step from `best`, whose frames are in `room`, and twice what the merit falls along
-    /// it at first; `None` where there is nothing to gain.
+    /// The step from `best`, whose Jacobian is in `columns`, and twice what the merit falls
+    /// along it at first; `None` where there is nothing to gain.
     #[inline(never)]
     fn step(
         &self,
         best: &Point<T, N>,
-        ready: Option<Ready<T, N>>,
-        room: &Room<T, N>,
-    ) -> Option<([T; N], T)> {
-        let columns = match &ready {
-            Some(ready) => ready.columns,
-            None => self.columns(best, room),
-        };
+        begin: &Begin<T>,
+        columns: &Columns<T, N>,
+        step: &mut [T; N],
+    ) -> Option<T> {
         let error = self.weighted(&best.twist);
         let mut away = [T::zero(); N];
         for ((away, &q), &start) in away.iter_mut().zip(&best.q).zip(&self.start) {
             *away = q - start;
         }
         let damping = self.settings.damping;
-        let mut step = match &ready {
-            Some(ready) => ready.step(&error),
-            None => damped_step(&columns, &error, &self.effort, &away, damping),
-        };
+        match begin {
+            Begin::Solved(y) => {
+                for (step, column) in step.iter_mut().zip(columns) {
+                    *step = dot(column, y);
+                }
+            }
+            _ => *step = damped_step(columns, &error, &self.effort, &away, damping),
+        }
         let mut reach = self.room;
         for (reach, &q) in reach.iter_mut().zip(&best.q) {
             *reach = reach.map(|x| x - q);
         }
         let inside = |(p, [low, high]): (&T, &[T; 2])| p >= low && p <= high;
         if !step.iter().zip(&reach).all(inside) {
-            within_box(
-                &columns,
-                &error,
-                &self.effort,
-                &away,
-                damping,
-                &reach,
-                &mut step,
-            );
+            within_box(columns, &error, &self.effort, &away, damping, &reach, step);
         }
         let mut slope = T::zero();
+        let mut resolved = false;
         let efforts = self.effort.iter().zip(&away);
-        for ((&p, column), (&g, &d)) in step.iter().zip(&columns).zip(efforts) {
-            slope += p * (super::solve::dot(column, &error) - g * d);
+        let joints = step.iter().zip(columns).zip(self.resolution);
+        for (((&p, column), &r), (&g, &d)) in joints.zip(efforts) {
+            slope += p * (dot(column, &error) - g * d);
+            resolved |= p.abs() * T::of(2.0) > r;
         }
         slope *= T::of(2.0);
-        let moves = step.iter().zip(self.resolution);
-        let resolved = moves.into_iter().any(|(p, &r)| p.abs() * T::of(2.0) > r);
         // NaN fails both.
-        (resolved && slope > self.merit(best) * T::EPSILON).then_some((step, slope))
+        (resolved && slope > best.merit * T::EPSILON).then_some(slope)
     }
 
-    /// Where the model puts `q`; `None` if nowhere finite.
+    /// Where the model puts the command in `point`, whose other fields are set; false if
+    /// nowhere finite.
     #[inline(never)]
-    pub(super) fn evaluate(&self, q: [T; N], room: &mut Room<T, N>) -> Option<Point<T, N>> {
-        let prediction = self.arm.predict(&q, &mut room.scratch());
+    pub(super) fn evaluate(&self, point: &mut Point<T, N>, room: &mut Room<T, N>) -> bool {
+        let prediction = self.arm.predict(&point.q, &mut room.scratch());
         let twist = if prediction.twist == Twist::zero() {
-            between(&prediction.rigid, &self.desired)
+            between(&prediction.rigid, self.desired)
         } else {
-            between(&prediction.pose(), &self.desired)
+            between(&prediction.pose(), self.desired)
         };
         let weighted = self.weighted(&twist);
-        let square = super::solve::dot(&weighted, &weighted);
-        let error = PoseError::of(&twist);
-        let finite = square.finite() && error.position.finite() && error.orientation.finite();
-        finite.then_some(Point {
-            q,
-            error,
-            twist,
-            square,
-            tool: prediction.rigid.translation,
-        })
-    }
-
-    /// `from` plus `scale` times `step`, inside the room.
-    pub(super) fn moved(&self, from: &[T; N], step: &[T; N], scale: T) -> [T; N] {
-        let mut q = *from;
-        for ((q, &p), room) in q.iter_mut().zip(step).zip(&self.room) {
-            *q = confined(*q + p * scale, room);
-        }
-        q
-    }
-
-    /// What is minimised: square of the weighted error and effort.
-    fn merit(&self, point: &Point<T, N>) -> T {
-        let mut merit = point.square;
+        let square = dot(&weighted, &weighted);
+        let squares = [twist.linear.norm_squared(), twist.angular.norm_squared()];
+        let mut merit = square;
         for ((&g, &q), &start) in self.effort.iter().zip(&point.q).zip(&self.start) {
             merit += g * ((q - start) * (q - start));
         }
-        merit
+        point.twist = twist;
+        point.squares = squares;
+        point.square = square;
+        point.merit = merit;
+        point.tool = prediction.rigid.translation;
+        square.finite() && squares.iter().all(|x| x.finite())
+    }
+
+    /// Sets `q` to `from` plus `scale` times `step`, inside the room.
+    pub(super) fn move_to(&self, from: &[T; N], step: &[T; N], scale: T, q: &mut [T; N]) {
+        let ways = from.iter().zip(step).zip(&self.room);
+        for (q, ((&from, &p), room)) in q.iter_mut().zip(ways) {
+            *q = confined(from + p * scale, room);
+        }
     }
 
     pub(super) fn weighted(&self, twist: &Twist<T>) -> [T; 6] {
@@ -267,49 +344,44 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         twist: &Twist<T>,
         room: &Room<T, N>,
     ) -> [T; N] {
-        let (columns, none) = (self.columns(point, room), [T::zero(); N]);
+        let (mut columns, none) = ([[T::zero(); 6]; N], [T::zero(); N]);
+        self.set_columns(point, room, &mut columns);
         let twist = self.weighted(twist);
         damped_step(&columns, &twist, &none, &none, self.settings.damping)
     }
 
-    /// Weighted joint Jacobian at `point`, whose frames are in `room`.
-    fn columns(&self, point: &Point<T, N>, room: &Room<T, N>) -> Columns<T, N> {
-        let mut columns = [[T::zero(); 6]; N];
+    /// Sets the weighted joint Jacobian at `point`, whose frames are in `room`.
+    fn set_columns(&self, point: &Point<T, N>, room: &Room<T, N>, columns: &mut Columns<T, N>) {
         let weights = [
             self.settings.position_weight,
             self.settings.orientation_weight,
         ];
-        weighted_jacobian(
-            self.joints,
-            room.frames(),
-            &point.tool,
-            weights,
-            &mut columns,
-        );
-        columns
+        weighted_jacobian(self.joints, room.frames(), &point.tool, weights, columns);
     }
 
-    /// Adds to the effort what the nearness of a singular configuration asks for. Returns
-    /// what can be used again where there is no effort at all.
+    /// Adds to the effort what the nearness of a singular configuration asks for. Sets the
+    /// columns, and solves for the first step where there is no effort at all.
     fn add_singular_effort(
         &mut self,
         start: &Point<T, N>,
         room: &Room<T, N>,
-    ) -> Option<Ready<T, N>> {
-        let columns = self.columns(start, room);
+        columns: &mut Columns<T, N>,
+    ) -> Begin<T> {
+        self.set_columns(start, room, columns);
         let weights = [
             self.settings.position_weight,
             self.settings.orientation_weight,
         ];
-        let (clear, factor) = clearance(&columns, weights, self.settings.damping);
+        let error = self.weighted(&start.twist);
+        let (clear, y) = clearance(columns, weights, self.settings.damping, &error);
         let extra = singular_effort(clear, self.settings.singular_value, start.square);
         for effort in &mut self.effort {
             *effort += extra;
         }
         let free = self.effort.iter().all(|g| g.is_zero());
-        match factor {
-            Some(factor) if free => Some(Ready { columns, factor }),
-            _ => None,
+        match y {
+            Some(y) if free => Begin::Solved(y),
+            _ => Begin::Columns,
         }
     }
 
@@ -320,9 +392,12 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         let tool = &point.tool;
         let far = tool.x.abs() + tool.y.abs() + tool.z.abs();
         let floor = T::EPSILON * (T::one() + far);
-        let below = |x: T, tolerance: T| x <= tolerance || x <= floor;
-        below(point.error.position, settings.position_tolerance)
-            && below(point.error.orientation, settings.orientation_tolerance)
+        let below = |square: T, tolerance: T| {
+            square <= tolerance * tolerance || square <= floor * floor
+        };
+        let [position, orientation] = point.squares;
+        below(position, settings.position_tolerance)
+            && below(orientation, settings.orientation_tolerance)
     }
 }
 

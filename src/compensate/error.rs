@@ -15,17 +15,6 @@ pub struct PoseError<T> {
     pub orientation: T,
 }
 
-impl<T: Scalar> PoseError<T> {
-    /// Of a twist from predicted to desired.
-    #[inline]
-    pub(super) fn of(twist: &Twist<T>) -> Self {
-        Self {
-            position: twist.linear.norm_squared().root(),
-            orientation: twist.angular.norm_squared().root(),
-        }
-    }
-}
-
 /// The twist from `predicted` to `desired`: [`Pose::twist_to`], with the logarithm of small
 /// rotations by a series that needs no arc tangent.
 #[inline]

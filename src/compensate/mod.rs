@@ -190,6 +190,9 @@ pub struct Compensator<'m, T: Scalar, const N: usize> {
     /// For the plain case.
     constants: Option<swift::Constants<T, N>>,
     work: swift::Work<T, N>,
+    /// For all others.
+    search: descent::Work<T, N>,
+    prepared: [PreparedJoint<T>; N],
     /// What a compensation costs at worst, and in the plain case.
     costs: [Cost; 2],
     state: State<T, N>,
@@ -203,6 +206,8 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             settings: model.settings,
             constants: swift::Constants::of(model, &model.settings),
             work: swift::Work::default(),
+            search: descent::Work::default(),
+            prepared: [PreparedJoint::empty(); N],
             costs: costs(model, &model.settings),
             state: State {
                 correction: [T::zero(); N],
@@ -316,73 +321,71 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         if !budget.fits(cost.start) {
             return self.unchanged(start, Status::OutOfBudget, budget);
         }
+        let nominal;
         let desired = match &request.pose {
-            Some(pose) => *pose,
-            None => self.model.nominal_pose(&request.q),
-        };
-        let effort = match self.settings.method {
-            Method::InverseJacobian | Method::TaskPoint | Method::Polynomial | Method::Cmac => {
-                [T::zero(); N]
+            Some(pose) => pose,
+            None => {
+                nominal = self.model.nominal_pose(&request.q);
+                &nominal
             }
-            Method::Lqr => lqr::prices(
-                self.settings.effort,
+        };
+        let settings = &self.settings;
+        let mut effort = [T::zero(); N];
+        if settings.method == Method::Lqr {
+            effort = lqr::prices(
+                settings.effort,
                 &start,
                 &self.model.calibrated.joints,
                 &self.model.limits,
-            ),
-        };
-        let mut prepared = [PreparedJoint::empty(); N];
+            );
+        }
+        let room = self.room(&start);
         let mut descent = Descent {
-            arm: &self.model.prepare(&request.conditions, &mut prepared),
+            arm: &self.model.prepare(&request.conditions, &mut self.prepared),
             joints: &self.model.calibrated.joints,
-            settings: &self.settings,
+            settings,
             desired,
             start,
-            room: self.room(&start),
+            room,
             resolution: &self.model.resolution,
             effort,
             longest: 0,
         };
-        let found =
-            match (self.settings.method, inverse) {
-                (Method::TaskPoint, Some(inverse)) => {
-                    task_point::run(&mut descent, inverse, budget, cost).map(|f| {
-                        (
-                            f.initial.error,
-                            f.best,
-                            Some(f.asked),
-                            f.status,
-                            f.iterations,
-                        )
-                    })
-                }
-                (Method::TaskPoint, None) => descent.run(&self.state.correction, budget, cost).map(
-                    |(initial, best, s, i)| {
-                        (initial, best, Some(self.model.nominal_pose(&best.q)), s, i)
-                    },
-                ),
-                (Method::Polynomial | Method::Cmac, _) => self
-                    .apply_taught(&mut descent, budget, cost)
-                    .map(|(initial, best, s, i)| (initial, best, None, s, i)),
-                (Method::InverseJacobian | Method::Lqr, _) => descent
-                    .run(&self.state.correction, budget, cost)
-                    .map(|(initial, best, s, i)| (initial, best, None, s, i)),
-            };
+        let (work, remembered) = (&mut self.search, &self.state.correction);
+        let mut task_point = None;
+        let found = match (settings.method, inverse) {
+            (Method::TaskPoint, Some(inverse)) => {
+                task_point::run(&mut descent, inverse, work, budget, cost).map(|(found, asked)| {
+                    task_point = Some(asked);
+                    found
+                })
+            }
+            (Method::Polynomial | Method::Cmac, _) => {
+                taught::run(&self.model.taught, &mut descent, work, budget, cost)
+            }
+            (Method::InverseJacobian | Method::Lqr | Method::TaskPoint, _) => {
+                descent.run(remembered, work, budget, cost)
+            }
+        };
         self.state.longest = self.state.longest.max(descent.longest);
-        let Some((initial, best, task_point, status, iterations)) = found else {
+        let Some(found) = found else {
             return self.unchanged(start, Status::PredictionNotFinite, budget);
         };
+        let best = found.best;
+        if settings.method == Method::TaskPoint && task_point.is_none() {
+            task_point = Some(self.model.nominal_pose(&best.q));
+        }
         let mut clamped = [false; N];
         for ((clamped, &q), &[low, high]) in clamped.iter_mut().zip(&best.q).zip(&descent.room) {
             *clamped = q <= low || q >= high;
         }
         Outcome {
             q: best.q,
-            status,
+            status: found.status,
             task_point,
-            iterations,
-            initial: Some(initial),
-            remaining: Some(best.error),
+            iterations: found.iterations,
+            initial: Some(found.initial.error()),
+            remaining: Some(best.error()),
             clamped,
             cycles: budget.spent(),
         }

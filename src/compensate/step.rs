@@ -14,32 +14,12 @@
 //! `p = S Jᵀ W (W J S Jᵀ W + μ I)⁻¹ W (e + J b) - b` with `M = G + λ² I`, `μ = min M`,
 //! `S = μ M⁻¹`, `b = M⁻¹ G (q - start)`; below, as it stands.
 
-use super::solve::{Factor, accumulate, dot};
+use super::damped::shared_multipliers;
+use super::solve::{Factor, dot};
 use crate::Scalar;
 
 /// Weighted joint Jacobian, one column a joint.
 pub(super) type Columns<T, const N: usize> = [[T; 6]; N];
-
-/// What [`clearance`] has already worked out for the first step.
-#[derive(Clone, Copy)]
-pub(super) struct Ready<T, const N: usize> {
-    pub(super) columns: Columns<T, N>,
-    /// Of `W J Jᵀ W + λ² I`.
-    pub(super) factor: Factor<T, 6>,
-}
-
-impl<T: Scalar, const N: usize> Ready<T, N> {
-    /// The damped step without effort.
-    #[inline(never)]
-    pub(super) fn step(&self, error: &[T; 6]) -> [T; N] {
-        let y = self.factor.solve_six(error);
-        let mut step = [T::zero(); N];
-        for (step, column) in step.iter_mut().zip(&self.columns) {
-            *step = dot(column, &y);
-        }
-        step
-    }
-}
 
 /// The damped step `p`. `columns`: `W J`; `error`: `W e`; `effort`: diagonal of G; `away`:
 /// `q - start`; `damping`: `λ²`.
@@ -74,7 +54,7 @@ pub(super) fn damped_step<T: Scalar, const N: usize>(
             }
         }
     }
-    let y = factor_of(columns, &ease, smallest).solve_six(&right);
+    let (y, _) = shared_multipliers(columns, &ease, smallest, &right);
     let mut step = [T::zero(); N];
     for ((step, column), (&ease, &back)) in step.iter_mut().zip(columns).zip(ease.iter().zip(&back))
     {
@@ -128,36 +108,25 @@ fn add_diagonal<T: Scalar, const K: usize>(a: &mut [[T; K]; K], value: T) {
 /// How far the weighted Jacobian is from singular: the harmonic sum of its squared singular
 /// values, `1 / (1/σ1² + 1/σ2² + ..)`, which is at most the smallest and smooth in the
 /// joints. `damping` is added to each. `weights`: position and orientation; a weight of zero
-/// takes its three directions out. From six joints on the factor of `W J Jᵀ W + λ² I` comes
-/// with it.
+/// takes its three directions out. From six joints on the `y` of `(W J Jᵀ W + λ² I) y = error`
+/// comes with it.
 #[inline(never)]
 pub(super) fn clearance<T: Scalar, const N: usize>(
     columns: &Columns<T, N>,
     weights: [T; 2],
     damping: T,
-) -> (T, Option<Factor<T, 6>>) {
+    error: &[T; 6],
+) -> (T, Option<[T; 6]>) {
     if N < 6 {
         let mut h = normal_matrix(columns);
         add_diagonal(&mut h, damping);
         let factor = Factor::of(&h, damping);
-        (T::one() / factor.inverse_trace(&[T::one(); N]), None)
+        (T::one() / factor.inverse_trace(), None)
     } else {
-        let factor = factor_of(columns, &[T::one(); N], damping);
-        let [p, o] = weights.map(|w| w * w);
-        let trace = factor.inverse_trace_six(&[p, p, p, o, o, o]);
-        (T::one() / trace, Some(factor))
+        let (y, [linear, angular]) = shared_multipliers(columns, &[T::one(); N], damping, error);
+        let [p, o] = weights;
+        (T::one() / (linear * (p * p) + angular * (o * o)), Some(y))
     }
-}
-
-/// Of `W J S Jᵀ W + μ I`, S diagonal.
-#[inline(never)]
-fn factor_of<T: Scalar>(columns: &[[T; 6]], s: &[T], mu: T) -> Factor<T, 6> {
-    let mut a = [[T::zero(); 6]; 6];
-    for (column, &s) in columns.iter().zip(s) {
-        accumulate(&mut a, column, s);
-    }
-    add_diagonal(&mut a, mu);
-    Factor::of_six(&a, mu)
 }
 
 /// Solves the linearised problem inside the box `low <= q <= high` by coordinate descent,

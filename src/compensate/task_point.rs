@@ -17,10 +17,10 @@
 //!   evaluation an iteration, two or three iterations. A step that the limits or a change of
 //!   branch make worse is not taken, so the joints are as continuous as the caller's inverse.
 
-use super::descent::{Descent, Point};
+use super::descent::{Descent, Found, Work};
 use super::{Request, Status, step};
 use crate::budget::{Budget, Clock, Cost};
-use crate::model::{Model, Room};
+use crate::model::Model;
 use crate::{Pose, Scalar};
 
 /// A caller's nominal inverse kinematics: joints for a pose in the world, near a command.
@@ -43,64 +43,60 @@ pub fn first<T: Scalar, const N: usize>(
         .displaced(&predicted.twist_to(&nominal))
 }
 
-/// What [`run`] found.
-pub(super) struct Found<T: Scalar, const N: usize> {
-    pub(super) initial: Point<T, N>,
-    pub(super) best: Point<T, N>,
-    /// Task point of the best.
-    pub(super) asked: Pose<T>,
-    pub(super) status: Status,
-    pub(super) iterations: u8,
-}
-
 /// Moves the task point until the calibrated arm reaches the pose that `descent` desires,
-/// through the caller's inverse. `None` where the model gives no finite pose.
-pub(super) fn run<C: Clock, T: Scalar, const N: usize>(
+/// through the caller's inverse. Returns what was found and its task point; `None` where the
+/// model gives no finite pose.
+pub(super) fn run<'w, C: Clock, T: Scalar, const N: usize>(
     descent: &mut Descent<'_, T, N>,
     inverse: Inverse<'_, T, N>,
+    work: &'w mut Work<T, N>,
     budget: &Budget<'_, C>,
     cost: &Cost,
-) -> Option<Found<T, N>> {
-    let mut room = Room::default();
-    let initial = descent.evaluate(descent.start, &mut room)?;
-    let mut best = (initial, descent.desired);
-    let mut asked = descent.desired;
-    let mut last = initial;
+) -> Option<(Found<'w, T, N>, Pose<T>)> {
+    let Work { room, points, .. } = work;
+    let [initial, best, trial] = points;
+    initial.q = descent.start;
+    if !descent.evaluate(initial, room) {
+        return None;
+    }
+    *best = *initial;
+    let (mut best, mut trial) = (best, trial);
+    let mut best_asked = *descent.desired;
+    let mut asked = best_asked;
     let cost = cost.iteration.saturating_mul(SHARE);
     let mut iterations = 0;
     let status = loop {
-        if descent.converged(&best.0) {
+        if descent.converged(best) {
             break Status::Converged;
         }
         if let Some(status) = descent.halt(iterations, budget, cost) {
             break status;
         }
         let begun = budget.spent();
-        asked = asked.displaced(&last.twist);
-        let q = inverse(&asked, &last.q);
+        asked = asked.displaced(&best.twist);
+        let q = inverse(&asked, &best.q);
         iterations += 1;
-        let point = q.and_then(|mut q| {
-            for ((q, room), &from) in q.iter_mut().zip(&descent.room).zip(&last.q) {
-                let inside = step::confined(*q, room);
-                *q = if inside.finite() { inside } else { from };
+        let better = q.is_some_and(|q| {
+            let places = trial.q.iter_mut().zip(&q).zip(&descent.room);
+            for (((place, &q), room), &from) in places.zip(&best.q) {
+                let inside = step::confined(q, room);
+                *place = if inside.finite() { inside } else { from };
             }
-            descent.evaluate(q, &mut room)
+            descent.evaluate(trial, room) && trial.square < best.square
         });
         let spent = budget.spent().wrapping_sub(begun) / SHARE;
         descent.longest = descent.longest.max(spent);
-        match point {
-            Some(point) if point.square < best.0.square => {
-                best = (point, asked);
-                last = point;
-            }
-            _ => break Status::Settled,
+        if !better {
+            break Status::Settled;
         }
+        core::mem::swap(&mut best, &mut trial);
+        best_asked = asked;
     };
-    Some(Found {
+    let found = Found {
         initial,
-        best: best.0,
-        asked: best.1,
+        best,
         status,
         iterations,
-    })
+    };
+    Some((found, best_asked))
 }

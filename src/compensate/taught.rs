@@ -15,100 +15,116 @@
 //! zero. A correction that at least halves the error counts in full; one that does not help is
 //! not taken; and s is continuous in both errors.
 
-use super::descent::{Descent, Point};
-use super::error::PoseError;
-use super::{Compensator, Status};
+use super::Status;
+use super::descent::{Descent, Found, Work};
 use crate::budget::{Budget, CYCLES, Clock, Cost};
-use crate::model::Room;
+use crate::taught::Taught;
 use crate::{Method, Scalar, Twist};
 
-/// What was found: the error at first, the best command, why it ended, the iterations.
-type Found<T, const N: usize> = (PoseError<T>, Point<T, N>, Status, u8);
-
-impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
-    /// Applies the tables of the method that the settings name. `None` where the model gives
-    /// no finite pose for the start.
-    pub(super) fn apply_taught<C: Clock>(
-        &self,
-        descent: &mut Descent<'_, T, N>,
-        budget: &Budget<'_, C>,
-        cost: &Cost,
-    ) -> Option<Found<T, N>> {
-        let mut room = Room::default();
-        let initial = descent.evaluate(descent.start, &mut room)?;
-        let stay = |status| Some((initial.error, initial, status, 0));
-        if descent.converged(&initial) {
-            return stay(Status::Converged);
-        }
-        let cost = cost.iteration.saturating_add(self.lookup_cycles());
-        if let Some(status) = descent.halt(0, budget, cost.saturating_mul(2)) {
-            return stay(status);
-        }
-        let begun = budget.spent();
-        let taught = &self.model.taught;
-        let correction = match descent.settings.method {
-            Method::Polynomial => match &taught.polynomial {
-                Some(polynomial) => polynomial.evaluate(&descent.start).map(|(mut p, miss)| {
-                    if polynomial.tool.is_some() {
-                        let miss = descent.desired.rotation * nalgebra::Vector3::from(miss);
-                        let back = Twist::new(-miss, nalgebra::Vector3::zeros());
-                        let moves = descent.damped(&initial, &back, &room);
-                        for (p, moved) in p.iter_mut().zip(moves) {
-                            *p += moved;
-                        }
+/// Applies the tables of the method that the settings name. `None` where the model gives no
+/// finite pose for the start.
+pub(super) fn run<'w, C: Clock, T: Scalar, const N: usize>(
+    taught: &Taught<'_, T>,
+    descent: &mut Descent<'_, T, N>,
+    work: &'w mut Work<T, N>,
+    budget: &Budget<'_, C>,
+    cost: &Cost,
+) -> Option<Found<'w, T, N>> {
+    let Work { room, points, .. } = work;
+    let [initial, full, part] = points;
+    initial.q = descent.start;
+    if !descent.evaluate(initial, room) {
+        return None;
+    }
+    let initial = &*initial;
+    let stay = |status| {
+        Some(Found {
+            initial,
+            best: initial,
+            status,
+            iterations: 0,
+        })
+    };
+    if descent.converged(initial) {
+        return stay(Status::Converged);
+    }
+    let method = descent.settings.method;
+    let cost = cost
+        .iteration
+        .saturating_add(lookup_cycles::<_, N>(taught, method));
+    if let Some(status) = descent.halt(0, budget, cost.saturating_mul(2)) {
+        return stay(status);
+    }
+    let begun = budget.spent();
+    let correction = match method {
+        Method::Polynomial => match &taught.polynomial {
+            Some(polynomial) => polynomial.evaluate(&descent.start).map(|(mut p, miss)| {
+                if polynomial.tool.is_some() {
+                    let miss = descent.desired.rotation * nalgebra::Vector3::from(miss);
+                    let back = Twist::new(-miss, nalgebra::Vector3::zeros());
+                    let moves = descent.damped(initial, &back, room);
+                    for (p, moved) in p.iter_mut().zip(moves) {
+                        *p += moved;
                     }
-                    p
-                }),
-                None => return stay(Status::NotTaught),
-            },
-            _ => match &taught.cmac {
-                Some(cmac) => cmac.evaluate(&descent.start),
-                None => return stay(Status::NotTaught),
-            },
-        };
-        let Some(correction) = correction else {
-            return stay(Status::OutsideRegion);
-        };
-        let mut best = initial;
-        let full = descent.moved(&descent.start, &correction, T::one());
-        if let Some(end) = descent.evaluate(full, &mut room) {
-            let share = way(
-                &descent.weighted(&initial.twist),
-                &descent.weighted(&end.twist),
-            );
-            let found = if share < T::one() {
-                let mut part = full;
-                for (part, &start) in part.iter_mut().zip(&descent.start) {
-                    *part = start + (*part - start) * share;
                 }
-                descent.evaluate(part, &mut room)
-            } else {
-                Some(end)
-            };
-            best = found.filter(|f| f.square < best.square).unwrap_or(best);
+                p
+            }),
+            None => return stay(Status::NotTaught),
+        },
+        _ => match &taught.cmac {
+            Some(cmac) => cmac.evaluate(&descent.start),
+            None => return stay(Status::NotTaught),
+        },
+    };
+    let Some(correction) = correction else {
+        return stay(Status::OutsideRegion);
+    };
+    let mut best = initial;
+    descent.move_to(&descent.start, &correction, T::one(), &mut full.q);
+    if descent.evaluate(full, room) {
+        let share = way(
+            &descent.weighted(&initial.twist),
+            &descent.weighted(&full.twist),
+        );
+        let found = if share < T::one() {
+            let ends = full.q.iter().zip(&descent.start);
+            for (part, (&full, &start)) in part.q.iter_mut().zip(ends) {
+                *part = start + (full - start) * share;
+            }
+            descent.evaluate(part, room).then_some(part)
+        } else {
+            Some(full)
+        };
+        if let Some(found) = found
+            && found.square < best.square
+        {
+            best = found;
         }
-        let spent = budget.spent().wrapping_sub(begun) / 2;
-        descent.longest = descent.longest.max(spent);
-        let status = if descent.converged(&best) {
+    }
+    let spent = budget.spent().wrapping_sub(begun) / 2;
+    descent.longest = descent.longest.max(spent);
+    Some(Found {
+        initial,
+        best,
+        status: if descent.converged(best) {
             Status::Converged
         } else {
             Status::Settled
-        };
-        Some((initial.error, best, status, 1))
-    }
+        },
+        iterations: 1,
+    })
+}
 
-    /// What looking up takes at worst, cycles of a Cortex-M4F.
-    fn lookup_cycles(&self) -> u32 {
-        let taught = &self.model.taught;
-        let instructions = match self.settings.method {
-            Method::Polynomial => taught.polynomial.as_ref().map(|p| p.instructions(N)),
-            Method::Cmac => taught.cmac.as_ref().map(|c| c.instructions(N)),
-            Method::InverseJacobian | Method::Lqr | Method::TaskPoint => None,
-        };
-        u32::try_from(instructions.unwrap_or(0))
-            .unwrap_or(u32::MAX)
-            .saturating_mul(CYCLES)
-    }
+/// What looking up takes at worst, cycles of a Cortex-M4F.
+fn lookup_cycles<T: Scalar, const N: usize>(taught: &Taught<'_, T>, method: Method) -> u32 {
+    let instructions = match method {
+        Method::Polynomial => taught.polynomial.as_ref().map(|p| p.instructions(N)),
+        Method::Cmac => taught.cmac.as_ref().map(|c| c.instructions(N)),
+        Method::InverseJacobian | Method::Lqr | Method::TaskPoint => None,
+    };
+    u32::try_from(instructions.unwrap_or(0))
+        .unwrap_or(u32::MAX)
+        .saturating_mul(CYCLES)
 }
 
 /// How much of the way from the error `from` to the error `to` is taken, 0 to 1.

@@ -21,7 +21,7 @@ use truepose::{Frame, Method, Model, PreparedJoint, Room, Settings, forward, par
 
 use crate::arm::{JOINTS, TRAVEL};
 use crate::draws::Draws;
-use crate::parameters::RIGID;
+use crate::parameters::{RIGID, WITH_EFFECTS};
 
 /// Calls of each function.
 const CALLS: usize = 64;
@@ -114,6 +114,15 @@ pub mod measured {
         compensator.correct(request, &mut Budget::cycles(&NoClock, 1 << 29))
     }
 
+    /// A pose of an arm with effects. Again another budget.
+    #[inline(never)]
+    pub fn pose_with_effects(
+        compensator: &mut Compensator<'_, f32, JOINTS>,
+        request: &Request<f32, JOINTS>,
+    ) -> Outcome<f32, JOINTS> {
+        compensator.correct(request, &mut Budget::cycles(&NoClock, 1 << 28))
+    }
+
     /// Nominal joints alone.
     #[inline(never)]
     pub fn compensated_joints(
@@ -199,7 +208,13 @@ fn compensation(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Res
         out,
         "regulated_pose: a pose given, one step of the linear quadratic regulator, both ends evaluated"
     )?;
+    writeln!(
+        out,
+        "pose_with_effects: a pose given, the model with six effects: a gain, two harmonics, three compliances"
+    )?;
+    let with_effects = params::decode::<f32, JOINTS>(WITH_EFFECTS).map_err(|_| fmt::Error)?;
     let mut draws = Draws::seeded(4);
+    let mut bent = Compensator::new(&with_effects);
     let mut regulator = Compensator::new(model).with_settings(Settings {
         method: Method::Lqr,
         max_iterations: 1,
@@ -240,6 +255,11 @@ fn compensation(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Res
         regulator.reset();
         black_box(&measured::regulated_pose(
             black_box(&mut regulator),
+            black_box(&request),
+        ));
+        bent.reset();
+        black_box(&measured::pose_with_effects(
+            black_box(&mut bent),
             black_box(&request),
         ));
         compensator.reset();
