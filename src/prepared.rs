@@ -87,6 +87,23 @@ impl<T: Scalar> PreparedJoint<T> {
         }
     }
 
+    /// Takes everything out. What nothing looks at stays: the harmonics above the highest, and
+    /// what only gravity and growth set and look at.
+    #[inline(always)]
+    fn clear(&mut self, kind: JointKind) {
+        let o = T::zero();
+        self.motion = match kind {
+            JointKind::Revolute => Motion::Exact,
+            JointKind::Prismatic => Motion::Slide,
+        };
+        self.zero = o;
+        self.gain = o;
+        self.curve = None;
+        self.highest = 0;
+        self.growth = Vector3::zeros();
+        self.compliance = o;
+    }
+
     fn add_to_reading(&mut self, zero: T, gain: T) {
         self.zero += zero;
         self.gain += gain;
@@ -100,6 +117,9 @@ impl<T: Scalar> PreparedJoint<T> {
     fn add_harmonic(&mut self, order: T, [a, b]: [T; 2], [sine, cosine]: [T; 2]) -> bool {
         if self.motion == Motion::Slide {
             return false;
+        }
+        if self.highest == 0 {
+            self.harmonics = [[T::zero(); 2]; ORDERS];
         }
         // (b - i a) turned back by theta once an order.
         let (mut x, mut y) = (b, -a);
@@ -230,10 +250,7 @@ impl<'m, T: Scalar> Arm<'m, T> {
             moves: Moves::default(),
         };
         for (joint, baked) in work.joints.iter_mut().zip(self.joints) {
-            *joint = PreparedJoint::empty();
-            if baked.kind == JointKind::Prismatic {
-                joint.motion = Motion::Slide;
-            }
+            joint.clear(baked.kind);
         }
         let (mut readings, mut postures) = (Kept::default(), Kept::default());
         let mut loaded = false;

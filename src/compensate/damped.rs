@@ -295,16 +295,17 @@ pub(super) fn multipliers<T: Scalar>(
     (y, linear + angular)
 }
 
-/// Solves `(J S Jᵀ + mu I) y = e` for any J, with the two halves of the trace of
-/// `(J S Jᵀ + mu I)⁻¹`, linear and angular. `columns`: of J; `shares`: diagonal of S. No pivot
-/// is taken below `mu`, which is what it leaves of one without rounding: so there is always an
-/// answer.
+/// Solves `(J S Jᵀ + mu I) y = e` for any J. `columns`: of J; `shares`: diagonal of S. Where
+/// `clearance` is asked for, with the two halves of the trace of `(J S Jᵀ + mu I)⁻¹`, linear
+/// and angular. No pivot is taken below `mu`, which is what it leaves of one without rounding:
+/// so there is always an answer.
 #[inline(never)]
 pub(super) fn shared_multipliers<T: Scalar>(
     columns: &[[T; 6]],
     shares: &[T],
     mu: T,
     e: &[T; 6],
+    clearance: bool,
 ) -> ([T; 6], [T; 2]) {
     let twist = |&[a, b, c, d, e, f]: &[T; 6]| Twist::new(Vector3::new(a, b, c), Vector3::new(d, e, f));
     let mut normal = NormalMatrix::diagonal(mu);
@@ -314,6 +315,6 @@ pub(super) fn shared_multipliers<T: Scalar>(
         let column = twist(column);
         normal.add_product(&column.scaled(share), &column);
     }
-    let (y, traces) = normal.solve(&twist(e), Some(mu), true);
+    let (y, traces) = normal.solve(&twist(e), Some(mu), clearance);
     (y.rows(), traces)
 }

@@ -6,11 +6,12 @@ use nalgebra::Vector3;
 use super::Status;
 use super::error::{PoseError, between};
 use super::inverse_jacobian::singular_effort;
+use super::damped::{cross, shared_multipliers};
 use super::solve::dot;
 use super::step::{Columns, clearance, confined, damped_step, within_box};
 use crate::budget::{Budget, Clock, Cost};
 use crate::jacobian::joint_column;
-use crate::model::Room;
+use crate::model::{Prediction, Room};
 use crate::{BakedJoint, Frame, Pose, Prepared, Scalar, Settings, Twist};
 
 /// One problem: reach `desired` from `start` without leaving `room`.
@@ -27,6 +28,8 @@ pub(super) struct Descent<'p, T: Scalar, const N: usize> {
     pub(super) resolution: &'p [T; N],
     /// What a correction costs, per square of rad or m, one a joint.
     pub(super) effort: [T; N],
+    /// No effort, and joints enough for six equations.
+    pub(super) free: bool,
     /// Longest iteration so far, cycles.
     pub(super) longest: u32,
 }
@@ -105,7 +108,7 @@ enum Begin<T> {
     Frames,
     /// With its Jacobian.
     Columns,
-    /// And with the solution `y` of its equations, without effort.
+    /// And with the solution `y` of its equations, which is of use without effort.
     Solved([T; 6]),
 }
 
@@ -261,38 +264,67 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         step: &mut [T; N],
     ) -> Option<T> {
         let error = self.weighted(&best.twist);
-        let mut away = [T::zero(); N];
-        for ((away, &q), &start) in away.iter_mut().zip(&best.q).zip(&self.start) {
-            *away = q - start;
-        }
         let damping = self.settings.damping;
-        match begin {
-            Begin::Solved(y) => {
-                for (step, column) in step.iter_mut().zip(columns) {
-                    *step = dot(column, y);
-                }
+        let mut half_slope = if self.free {
+            let y = match begin {
+                Begin::Solved(y) => *y,
+                _ => shared_multipliers(columns, &[T::one(); N], damping, &error, false).0,
+            };
+            for (step, column) in step.iter_mut().zip(columns) {
+                *step = dot(column, &y);
             }
-            _ => *step = damped_step(columns, &error, &self.effort, &away, damping),
-        }
-        let mut reach = self.room;
-        for (reach, &q) in reach.iter_mut().zip(&best.q) {
-            *reach = reach.map(|x| x - q);
-        }
-        let inside = |(p, [low, high]): (&T, &[T; 2])| p >= low && p <= high;
-        if !step.iter().zip(&reach).all(inside) {
-            within_box(columns, &error, &self.effort, &away, damping, &reach, step);
-        }
-        let mut slope = T::zero();
-        let mut resolved = false;
-        let efforts = self.effort.iter().zip(&away);
-        let joints = step.iter().zip(columns).zip(self.resolution);
-        for (((&p, column), &r), (&g, &d)) in joints.zip(efforts) {
-            slope += p * (dot(column, &error) - g * d);
+            // (W J p) · W e, since W J p = W e - λ² y.
+            dot(&error, &error) - damping * dot(&y, &error)
+        } else {
+            let away = self.away(best);
+            *step = damped_step(columns, &error, &self.effort, &away, damping);
+            self.half_slope(&error, columns, &away, step)
+        };
+        let (mut inside, mut resolved) = (true, false);
+        let joints = step.iter().zip(self.resolution);
+        for ((&p, &r), (&q, &[low, high])) in joints.zip(best.q.iter().zip(&self.room)) {
+            inside &= p >= low - q && p <= high - q;
             resolved |= p.abs() * T::of(2.0) > r;
         }
-        slope *= T::of(2.0);
+        if !inside {
+            let away = self.away(best);
+            let mut reach = self.room;
+            for (reach, &q) in reach.iter_mut().zip(&best.q) {
+                *reach = reach.map(|x| x - q);
+            }
+            within_box(columns, &error, &self.effort, &away, damping, &reach, step);
+            half_slope = self.half_slope(&error, columns, &away, step);
+            let mut moves = step.iter().zip(self.resolution);
+            resolved = moves.any(|(p, &r)| p.abs() * T::of(2.0) > r);
+        }
+        let slope = half_slope * T::of(2.0);
         // NaN fails both.
         (resolved && slope > best.merit * T::EPSILON).then_some(slope)
+    }
+
+    /// From the start.
+    fn away(&self, point: &Point<T, N>) -> [T; N] {
+        let mut away = point.q;
+        for (away, &start) in away.iter_mut().zip(&self.start) {
+            *away -= start;
+        }
+        away
+    }
+
+    /// Half of what the merit falls along `step` at first.
+    fn half_slope(
+        &self,
+        error: &[T; 6],
+        columns: &Columns<T, N>,
+        away: &[T; N],
+        step: &[T; N],
+    ) -> T {
+        let mut slope = T::zero();
+        let efforts = self.effort.iter().zip(away);
+        for ((&p, column), (&g, &d)) in step.iter().zip(columns).zip(efforts) {
+            slope += p * (dot(column, error) - g * d);
+        }
+        slope
     }
 
     /// Where the model puts the command in `point`, whose other fields are set; false if
@@ -300,17 +332,15 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
     #[inline(never)]
     pub(super) fn evaluate(&self, point: &mut Point<T, N>, room: &mut Room<T, N>) -> bool {
         let prediction = self.arm.predict(&point.q, &mut room.scratch());
-        let twist = if prediction.twist == Twist::zero() {
-            between(&prediction.rigid, self.desired)
-        } else {
-            between(&prediction.pose(), self.desired)
-        };
+        let twist = rest(&prediction, self.desired);
         let weighted = self.weighted(&twist);
         let square = dot(&weighted, &weighted);
         let squares = [twist.linear.norm_squared(), twist.angular.norm_squared()];
         let mut merit = square;
-        for ((&g, &q), &start) in self.effort.iter().zip(&point.q).zip(&self.start) {
-            merit += g * ((q - start) * (q - start));
+        if !self.free {
+            for ((&g, &q), &start) in self.effort.iter().zip(&point.q).zip(&self.start) {
+                merit += g * ((q - start) * (q - start));
+            }
         }
         point.twist = twist;
         point.squares = squares;
@@ -378,11 +408,8 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         for effort in &mut self.effort {
             *effort += extra;
         }
-        let free = self.effort.iter().all(|g| g.is_zero());
-        match y {
-            Some(y) if free => Begin::Solved(y),
-            _ => Begin::Columns,
-        }
+        self.free = N >= 6 && self.effort.iter().all(|g| g.is_zero());
+        y.map_or(Begin::Columns, Begin::Solved)
     }
 
     /// Whether both errors are below their tolerances, or below what can be told apart in
@@ -399,6 +426,23 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         below(position, settings.position_tolerance)
             && below(orientation, settings.orientation_tolerance)
     }
+}
+
+/// The twist from what is predicted to `desired`.
+///
+/// Of a small displacement t it is that from the rigid chain's pose, e, less t: the logarithm of
+/// `exp(e) exp(-t)` is `e - t - e x t / 2`, and what is left out is below |t|² / 6 of the result.
+#[inline(always)]
+fn rest<T: Scalar>(prediction: &Prediction<T>, desired: &Pose<T>) -> Twist<T> {
+    let t = &prediction.twist;
+    if t.angular.norm_squared() > T::of(1e-4) {
+        return between(&prediction.pose(), desired);
+    }
+    let e = between(&prediction.rigid, desired);
+    Twist::new(
+        e.linear - t.linear,
+        e.angular - t.angular - cross(&e.angular, &t.angular) * T::of(0.5),
+    )
 }
 
 /// Position rows by the first weight, orientation rows by the second.

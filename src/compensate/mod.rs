@@ -349,6 +349,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             room,
             resolution: &self.model.resolution,
             effort,
+            free: false,
             longest: 0,
         };
         let (work, remembered) = (&mut self.search, &self.state.correction);

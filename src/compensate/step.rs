@@ -54,7 +54,7 @@ pub(super) fn damped_step<T: Scalar, const N: usize>(
             }
         }
     }
-    let (y, _) = shared_multipliers(columns, &ease, smallest, &right);
+    let (y, _) = shared_multipliers(columns, &ease, smallest, &right, false);
     let mut step = [T::zero(); N];
     for ((step, column), (&ease, &back)) in step.iter_mut().zip(columns).zip(ease.iter().zip(&back))
     {
@@ -123,7 +123,7 @@ pub(super) fn clearance<T: Scalar, const N: usize>(
         let factor = Factor::of(&h, damping);
         (T::one() / factor.inverse_trace(), None)
     } else {
-        let (y, [linear, angular]) = shared_multipliers(columns, &[T::one(); N], damping, error);
+        let (y, [linear, angular]) = shared_multipliers(columns, &[T::one(); N], damping, error, true);
         let [p, o] = weights;
         (T::one() / (linear * (p * p) + angular * (o * o)), Some(y))
     }
