@@ -30,8 +30,8 @@ pub struct Arm<'m, T: Scalar> {
 /// Room for one evaluation; every slice has one place a joint.
 #[derive(Debug)]
 pub struct Scratch<'s, T: Scalar> {
-    /// What effects add to the readings, rad or m.
-    pub additions: &'s mut [T],
+    /// The readings corrected by what works on them, rad or m.
+    pub readings: &'s mut [T],
     /// Baked frames after each motion.
     pub frames: &'s mut [Frame<T>],
     /// Gravity's moments, N m; left alone where no effect needs them.
@@ -181,7 +181,7 @@ pub struct Model<'a, T: Scalar, const N: usize> {
 /// Room for one evaluation of an arm with N joints.
 #[derive(Clone, Debug)]
 pub struct Room<T: Scalar, const N: usize> {
-    additions: [T; N],
+    readings: [T; N],
     frames: [Frame<T>; N],
     moments: [Vector3<T>; N],
     forces: [Vector3<T>; N],
@@ -190,7 +190,7 @@ pub struct Room<T: Scalar, const N: usize> {
 impl<T: Scalar, const N: usize> Default for Room<T, N> {
     fn default() -> Self {
         Self {
-            additions: [T::zero(); N],
+            readings: [T::zero(); N],
             frames: [Frame::identity(); N],
             moments: [Vector3::zeros(); N],
             forces: [Vector3::zeros(); N],
@@ -207,7 +207,7 @@ impl<T: Scalar, const N: usize> Room<T, N> {
     /// As slices.
     pub fn scratch(&mut self) -> Scratch<'_, T> {
         Scratch {
-            additions: &mut self.additions,
+            readings: &mut self.readings,
             frames: &mut self.frames,
             moments: &mut self.moments,
             forces: &mut self.forces,
@@ -241,10 +241,10 @@ impl<T: Scalar, const N: usize> Model<'_, T, N> {
     }
 
     /// The calibrated arm with its effects under `conditions`.
-    pub fn prepare<'p>(
-        &'p self,
+    pub fn prepare<'s: 'p, 'p>(
+        &'s self,
         conditions: &'p Conditions<T, N>,
-        joints: &'p mut [PreparedJoint<T>; N],
+        joints: &'p mut [PreparedJoint<'s, T>; N],
     ) -> Prepared<'p, T> {
         let arm = self.calibrated.arm(&self.effects);
         arm.prepare(&conditions.direction, &conditions.ambient, joints)

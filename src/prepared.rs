@@ -22,7 +22,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::chain::{BakedJoint, Frame};
-use crate::effects::{Ambient, Effect, Grows, Place, Reading, Stage, entry};
+use crate::effects::{Ambient, Effect, Grows, Place, PreparedCurve, Reading, Stage, entry};
 use crate::model::{Arm, Prediction, Scratch};
 use crate::pose::columns;
 use crate::{JointKind, Pose, Scalar, Twist};
@@ -30,18 +30,21 @@ use crate::{JointKind, Pose, Scalar, Twist};
 /// Orders of a joint's harmonics that are worked in.
 const ORDERS: usize = 4;
 
-/// What is worked into one joint.
+/// What is worked into one joint. `'m`: whoever holds the tables of joint curves.
 #[derive(Clone, Copy, Debug)]
-pub struct PreparedJoint<T: Scalar> {
+pub struct PreparedJoint<'m, T: Scalar> {
     motion: Motion,
     /// Addition to the reading where it is zero, rad or m.
     zero: T,
     /// The same per unit of the reading.
     gain: T,
-    /// Place of its curve in the list of effects.
-    curve: Option<u8>,
+    curve: PreparedCurve<'m, T>,
+    /// Whether it has one.
+    curved: bool,
     /// Highest order of its harmonics.
     highest: u8,
+    /// Bound of the sum of the harmonics and their constants, rad.
+    swing: T,
     /// Factors of the cosine of `order (q + theta)` and, negative, of the sine, from order 1.
     harmonics: [[T; 2]; ORDERS],
     /// Displacement of all beyond, axes of the frame, m. Along z nothing is left.
@@ -59,17 +62,32 @@ pub struct PreparedJoint<T: Scalar> {
 enum Motion {
     /// Turns by its reading.
     Exact,
+    /// Turns by its reading and a curve without gaps.
+    Curve,
     /// Turns by its reading and a line over it.
     Line,
-    /// Turns by its reading, a line and a curve.
-    Curve,
-    /// Turns by its reading, a line, a curve and harmonics.
+    /// Turns by its reading, a line, a curve and what is left to the contract.
+    Bend,
+    /// Turns by its reading and small harmonics.
     Wave,
-    /// Slides by its reading, a line and a curve.
+    /// Turns by its reading, all of that and any harmonics.
+    All,
+    /// Slides by its reading, a line, a curve and what is left to the contract.
     Slide,
 }
 
-impl<T: Scalar> PreparedJoint<T> {
+impl Motion {
+    /// The same with everything that it can have.
+    fn with_all(self) -> Self {
+        match self {
+            Self::Exact | Self::Curve | Self::Line | Self::Bend => Self::Bend,
+            Self::Wave | Self::All => Self::All,
+            Self::Slide => Self::Slide,
+        }
+    }
+}
+
+impl<'m, T: Scalar> PreparedJoint<'m, T> {
     /// Place for one joint.
     pub fn empty() -> Self {
         let o = T::zero();
@@ -77,8 +95,10 @@ impl<T: Scalar> PreparedJoint<T> {
             motion: Motion::Exact,
             zero: o,
             gain: o,
-            curve: None,
+            curve: PreparedCurve::none(),
+            curved: false,
             highest: 0,
+            swing: o,
             harmonics: [[o; 2]; ORDERS],
             growth: Vector3::zeros(),
             compliance: o,
@@ -87,8 +107,8 @@ impl<T: Scalar> PreparedJoint<T> {
         }
     }
 
-    /// Takes everything out. What nothing looks at stays: the harmonics above the highest, and
-    /// what only gravity and growth set and look at.
+    /// Takes everything out. What nothing looks at then stays as it is: the curve, the harmonics,
+    /// and what only gravity sets and looks at.
     #[inline(always)]
     fn clear(&mut self, kind: JointKind) {
         let o = T::zero();
@@ -98,8 +118,9 @@ impl<T: Scalar> PreparedJoint<T> {
         };
         self.zero = o;
         self.gain = o;
-        self.curve = None;
+        self.curved = false;
         self.highest = 0;
+        self.swing = o;
         self.growth = Vector3::zeros();
         self.compliance = o;
     }
@@ -107,9 +128,10 @@ impl<T: Scalar> PreparedJoint<T> {
     fn add_to_reading(&mut self, zero: T, gain: T) {
         self.zero += zero;
         self.gain += gain;
-        if self.motion == Motion::Exact {
-            self.motion = Motion::Line;
-        }
+        self.motion = match self.motion {
+            Motion::Exact | Motion::Line => Motion::Line,
+            other => other.with_all(),
+        };
     }
 
     /// Takes `a sin(order q) + b (cos(order q) - 1)` in, where `theta` is added to q; false if
@@ -130,8 +152,13 @@ impl<T: Scalar> PreparedJoint<T> {
             if rest.is_zero() {
                 *place = [place[0] + x, place[1] + y];
                 self.highest = self.highest.max(k);
-                self.motion = Motion::Wave;
                 self.zero -= b;
+                self.swing += x.abs() + y.abs() + b.abs();
+                self.motion = match self.motion {
+                    // NaN is not little.
+                    Motion::Exact | Motion::Wave if self.swing <= T::LITTLE => Motion::Wave,
+                    _ => Motion::All,
+                };
                 return true;
             }
         }
@@ -139,28 +166,34 @@ impl<T: Scalar> PreparedJoint<T> {
     }
 
     /// Takes a curve in; false if there is one.
-    fn add_curve(&mut self, place: usize) -> bool {
-        if self.curve.is_some() {
+    fn add_curve(&mut self, curve: PreparedCurve<'m, T>) -> bool {
+        if self.curved {
             return false;
         }
-        self.curve = u8::try_from(place).ok();
-        if matches!(self.motion, Motion::Exact | Motion::Line) {
-            self.motion = Motion::Curve;
-        }
-        self.curve.is_some()
+        self.curve = curve;
+        self.curved = true;
+        self.motion = match self.motion {
+            Motion::Exact if !curve.gaps() => Motion::Curve,
+            other => other.with_all(),
+        };
+        true
     }
 
     /// Sum of the harmonics, their constants left out, where these are sine and cosine of
     /// `q + theta`.
     #[inline(always)]
     fn harmonics(&self, s: T, c: T) -> T {
-        let [first, [mut x, mut y], third, fourth] = self.harmonics;
-        let before =
-            |[x, y]: [T; 2], [cosine, sine]: [T; 2]| [cosine + x * c - y * s, sine + x * s + y * c];
-        if self.highest > 2 {
-            [x, y] = before(before(fourth, third), [x, y]);
+        let &[[mut x, mut y], ref second, ref third, ref fourth] = &self.harmonics;
+        let before = |[x, y]: [T; 2], [cosine, sine]: &[T; 2]| {
+            [*cosine + x * c - y * s, *sine + x * s + y * c]
+        };
+        if self.highest > 1 {
+            let mut sum = *second;
+            if self.highest > 2 {
+                sum = before(before(*fourth, third), second);
+            }
+            [x, y] = before(sum, &[x, y]);
         }
-        let [x, y] = before([x, y], first);
         x * c - y * s
     }
 }
@@ -171,7 +204,7 @@ pub struct Prepared<'p, T: Scalar> {
     arm: Arm<'p, T>,
     direction: &'p [T],
     ambient: &'p Ambient<T>,
-    joints: &'p [PreparedJoint<T>],
+    joints: &'p [PreparedJoint<'p, T>],
     /// Displacement whatever the joints do, about the origin of the kinematics' start.
     constant: Twist<T>,
     moves: Moves,
@@ -238,7 +271,7 @@ impl<'m, T: Scalar> Arm<'m, T> {
         &self,
         direction: &'p [T],
         ambient: &'p Ambient<T>,
-        joints: &'p mut [PreparedJoint<T>],
+        joints: &'p mut [PreparedJoint<'m, T>],
     ) -> Prepared<'p, T>
     where
         'm: 'p,
@@ -255,7 +288,7 @@ impl<'m, T: Scalar> Arm<'m, T> {
         let (mut readings, mut postures) = (Kept::default(), Kept::default());
         let mut loaded = false;
         for (place, effect) in self.effects.iter().enumerate() {
-            if place < TOLD_APART && work.take(effect, place, direction, ambient) {
+            if place < TOLD_APART && work.take(effect, direction, ambient) {
                 continue;
             }
             loaded = loaded || effect.loaded();
@@ -263,7 +296,7 @@ impl<'m, T: Scalar> Arm<'m, T> {
                 Stage::Reading => {
                     readings.keep(place);
                     if let Some(joint) = effect.joint().and_then(|j| work.joints.get_mut(j)) {
-                        joint.add_to_reading(T::zero(), T::zero());
+                        joint.motion = joint.motion.with_all();
                     }
                 }
                 Stage::Posture => postures.keep(place),
@@ -290,24 +323,17 @@ impl<'m, T: Scalar> Arm<'m, T> {
 }
 
 /// A preparation at work.
-struct Work<'w, 'p, T: Scalar> {
+struct Work<'w, 'p, 'm, T: Scalar> {
     baked: &'w [BakedJoint<T>],
-    joints: &'p mut [PreparedJoint<T>],
+    joints: &'p mut [PreparedJoint<'m, T>],
     /// Displacement of the base, its axes and origin.
     base: Twist<T>,
     moves: Moves,
 }
 
-impl<T: Scalar> Work<'_, '_, T> {
-    /// Works `effect` in, number `place` of the list; false if it has to be left to its
-    /// contract.
-    fn take(
-        &mut self,
-        effect: &Effect<'_, T>,
-        place: usize,
-        direction: &[T],
-        ambient: &Ambient<T>,
-    ) -> bool {
+impl<'m, T: Scalar> Work<'_, '_, 'm, T> {
+    /// Works `effect` in; false if it has to be left to its contract.
+    fn take(&mut self, effect: &Effect<'m, T>, direction: &[T], ambient: &Ambient<T>) -> bool {
         let o = T::zero();
         match effect {
             Effect::JointGain(e) => self.add_to_reading(e.joint, o, e.gain[0]),
@@ -322,7 +348,7 @@ impl<T: Scalar> Work<'_, '_, T> {
             Effect::GearEccentricity(e) => self.add_harmonic(e.joint, e.order, e.amplitude),
             Effect::GearRipple(e) => self.add_harmonic(e.joint, e.order, e.amplitude),
             Effect::JointCurve(e) => match self.joints.get_mut(usize::from(e.joint)) {
-                Some(joint) => joint.add_curve(place),
+                Some(joint) => joint.add_curve(e.prepared()),
                 None => true,
             },
             Effect::JointCompliance(e) => {
@@ -419,12 +445,11 @@ impl<T: Scalar> Prepared<'_, T> {
     #[inline(never)]
     pub fn predict(&self, q: &[T], scratch: &mut Scratch<'_, T>) -> Prediction<T> {
         let arm = &self.arm;
-        for addition in scratch.additions.iter_mut() {
-            *addition = T::zero();
+        let contracted = !self.readings.none(arm.effects);
+        if contracted {
+            self.set_contracted(q, scratch.readings);
         }
-        if !self.readings.none(arm.effects) {
-            self.add_contracted(q, scratch.additions);
-        }
+        self.correct(q, contracted, scratch.readings);
         let (end, growth) = self.pass(q, scratch);
         let rigid = end.then(arm.tool);
         let mut twist = self.constant;
@@ -441,8 +466,12 @@ impl<T: Scalar> Prepared<'_, T> {
         Prediction { rigid, twist }
     }
 
+    /// What is left to the contract adds to the readings.
     #[inline(never)]
-    fn add_contracted(&self, q: &[T], additions: &mut [T]) {
+    fn set_contracted(&self, q: &[T], additions: &mut [T]) {
+        for addition in additions.iter_mut() {
+            *addition = T::zero();
+        }
         let reading = Reading {
             q,
             direction: self.direction,
@@ -475,8 +504,32 @@ impl<T: Scalar> Prepared<'_, T> {
         twist
     }
 
-    /// [`crate::forward`] from the readings with their additions, and the links' growth. Puts a
-    /// slide's whole way into the place of its addition.
+    /// Corrects the readings, up to the harmonics. `readings`: where they are `contracted`, what
+    /// is left to the contract adds; set to the corrected readings, or to the correction alone
+    /// where harmonics of the reading itself are left to be added.
+    #[inline(never)]
+    fn correct(&self, q: &[T], contracted: bool, readings: &mut [T]) {
+        for ((own, &q), reading) in self.joints.iter().zip(q).zip(readings) {
+            let line = || own.zero + own.gain * q;
+            *reading = match own.motion {
+                Motion::Exact | Motion::Wave => q,
+                Motion::Curve => q + own.curve.of_measured(q),
+                Motion::Line => q + line(),
+                motion => {
+                    let mut all = line();
+                    if own.curved {
+                        all += own.curve.at(q);
+                    }
+                    if contracted {
+                        all += *reading;
+                    }
+                    if motion == Motion::All { all } else { q + all }
+                }
+            };
+        }
+    }
+
+    /// [`crate::forward`] from the corrected readings, and the links' growth.
     #[inline(never)]
     fn pass(&self, q: &[T], scratch: &mut Scratch<'_, T>) -> (Pose<T>, Vector3<T>) {
         let start = self.arm.base;
@@ -484,24 +537,21 @@ impl<T: Scalar> Prepared<'_, T> {
         let mut p = start.translation;
         let mut growth = Vector3::zeros();
         let joints = self.arm.joints.iter().zip(self.joints);
-        let places = scratch.additions.iter_mut().zip(scratch.frames.iter_mut());
-        for (((joint, own), &q), (addition, frame)) in joints.zip(q).zip(places) {
-            let line = |addition: T| addition + own.zero + own.gain * q;
-            let (s, c) = match own.motion {
-                Motion::Exact => q.sincos_beside(joint.theta),
-                Motion::Line => (q + line(*addition)).sincos_beside(joint.theta),
-                Motion::Curve => {
-                    (q + (line(*addition) + self.curve(own, q))).sincos_beside(joint.theta)
-                }
-                Motion::Wave => {
-                    let (s, c) = q.sincos_beside(joint.theta);
-                    let more = own.harmonics(s, c) + self.curve(own, q);
-                    T::turned(s, c, line(*addition) + more)
-                }
-                Motion::Slide => {
-                    *addition = q + (line(*addition) + self.curve(own, q));
-                    p += z * *addition;
-                    (joint.sincos_theta[0], joint.sincos_theta[1])
+        let places = scratch.readings.iter().zip(scratch.frames.iter_mut());
+        for (((joint, own), &q), (&reading, frame)) in joints.zip(q).zip(places) {
+            let (s, c) = if own.motion == Motion::Slide {
+                p += z * reading;
+                (joint.sincos_theta[0], joint.sincos_theta[1])
+            } else {
+                let all = own.motion == Motion::All;
+                let angle = if all { q } else { reading };
+                let (s, c) = angle.sincos_beside(joint.theta);
+                if own.motion == Motion::Wave {
+                    T::turned_a_little(s, c, own.zero + own.harmonics(s, c))
+                } else if all {
+                    T::turned(s, c, reading + own.harmonics(s, c))
+                } else {
+                    (s, c)
                 }
             };
             let x1 = x * c + y * s;
@@ -521,17 +571,6 @@ impl<T: Scalar> Prepared<'_, T> {
         (Pose::new(Matrix3::from_columns(&[x, y, z]), p), growth)
     }
 
-    #[inline(always)]
-    fn curve(&self, own: &PreparedJoint<T>, q: T) -> T {
-        match own
-            .curve
-            .and_then(|at| self.arm.effects.get(usize::from(at)))
-        {
-            Some(Effect::JointCurve(curve)) => curve.at(q),
-            _ => T::zero(),
-        }
-    }
-
     /// Adds the turns and slides of all joints under gravity to a displacement about the
     /// origin.
     #[inline(always)]
@@ -539,18 +578,13 @@ impl<T: Scalar> Prepared<'_, T> {
         let g = *self.arm.gravity;
         let mut beyond = Vector3::<T>::zeros();
         let (mut v, mut w) = (twist.linear, twist.angular);
-        for (j, (own, frame)) in self
-            .joints
-            .iter()
-            .zip(scratch.frames.iter())
-            .enumerate()
-            .rev()
-        {
+        let joints = self.joints.iter().zip(scratch.frames.iter());
+        for ((own, frame), &reading) in joints.zip(scratch.readings.iter()).rev() {
             let [x, y, z] = columns(&frame.rotation);
             beyond = beyond + x * own.moment[0] + y * own.moment[1];
             if own.motion == Motion::Slide {
                 v += z * (own.compliance * own.mass * g.dot(&z));
-                beyond += z * (own.mass * entry(scratch.additions, j));
+                beyond += z * (own.mass * reading);
             } else {
                 let torque = beyond.x * (g.y * z.z - g.z * z.y)
                     + beyond.y * (g.z * z.x - g.x * z.z)

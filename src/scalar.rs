@@ -2,6 +2,7 @@
 
 use nalgebra::RealField;
 
+use crate::effects::LookUp;
 use crate::params::Load;
 
 /// A real number that the whole model is written in, implemented for `f32` and `f64`.
@@ -9,9 +10,12 @@ use crate::params::Load;
 /// Everything here uses additions, multiplications, divisions and exactly rounded square
 /// roots in a fixed order and never a fused multiply-add, so host and target agree in every
 /// bit for the same type.
-pub trait Scalar: RealField + Copy + Load {
+pub trait Scalar: RealField + Copy + Load + LookUp {
     /// Distance from 1 to the next number above it.
     const EPSILON: Self;
+
+    /// Largest turn of [`Scalar::turned_a_little`], rad.
+    const LITTLE: Self;
 
     /// Nearest value of this type to `x`.
     fn of(x: f64) -> Self;
@@ -38,6 +42,12 @@ pub trait Scalar: RealField + Copy + Load {
         (sine * c + cosine * s, cosine * c - sine * s)
     }
 
+    /// [`Scalar::turned`] by not more than [`Scalar::LITTLE`] either way.
+    #[inline]
+    fn turned_a_little(sine: Self, cosine: Self, by: Self) -> (Self, Self) {
+        Self::turned(sine, cosine, by)
+    }
+
     /// Angle of the point (`x`, `self`) in (-pi, pi], rad, the same bits on every core.
     fn arctangent2(self, x: Self) -> Self;
 
@@ -57,13 +67,6 @@ pub trait Scalar: RealField + Copy + Load {
     /// Largest integer not above `self`, and what is left, in [0, 1]. Both 0 for NaN; beyond
     /// the integers' range the nearest of them and a rest of 0 or 1.
     fn split(self) -> (i32, Self);
-
-    /// [`Scalar::split`] of a number between -2^21 and 2^21; a whole number may come as the one
-    /// below it and a rest of 1.
-    #[inline]
-    fn split_near(self) -> (i32, Self) {
-        self.split()
-    }
 
     /// A small integer as a number, exact.
     fn count(x: i16) -> Self;
@@ -127,6 +130,7 @@ const fn table() -> [[f32; 2]; STEPS as usize] {
 
 impl Scalar for f32 {
     const EPSILON: Self = f32::EPSILON;
+    const LITTLE: Self = 3e-3;
 
     #[inline]
     fn of(x: f64) -> Self {
@@ -179,6 +183,16 @@ impl Scalar for f32 {
         )
     }
 
+    #[inline(always)]
+    fn turned_a_little(sine: Self, cosine: Self, by: Self) -> (Self, Self) {
+        // The next term of the series is below 5e-9.
+        let half = by * 0.5;
+        (
+            sine + (cosine - sine * half) * by,
+            cosine - (sine + cosine * half) * by,
+        )
+    }
+
     #[inline(never)]
     fn arctangent2(self, x: Self) -> Self {
         libm::atan2f(self, x)
@@ -214,15 +228,6 @@ impl Scalar for f32 {
     }
 
     #[inline]
-    fn split_near(self) -> (i32, Self) {
-        // As in `sincos_beside`; the 22 bits below the leading ones are the integer.
-        const ROUND: f32 = 12_582_912.0;
-        let shifted = (self - 0.5) + ROUND;
-        let whole = (shifted.to_bits() << 10).cast_signed() >> 10;
-        (whole, self - (shifted - ROUND))
-    }
-
-    #[inline]
     fn count(x: i16) -> Self {
         Self::from(x)
     }
@@ -230,6 +235,7 @@ impl Scalar for f32 {
 
 impl Scalar for f64 {
     const EPSILON: Self = f64::EPSILON;
+    const LITTLE: Self = f64::MAX;
 
     #[inline]
     fn of(x: f64) -> Self {

@@ -11,7 +11,7 @@ use samples::{JOINTS, arm, given, one_of_each};
 use support::Random;
 use truepose::effects::{
     Effect, GearEccentricity, GearRipple, Grows, JointCompliance, JointCurve, JointGain, Reading,
-    Stage, ThermalGrowth,
+    Stage, ThermalGrowth, encode,
 };
 use truepose::{Frame, JointKind, Pose, Scalar, Twist, forward};
 
@@ -149,4 +149,53 @@ fn in_f32_within_its_rounding() {
         assert!(off < 1e-5, "{off:e}");
     }
     assert!(slides > 20, "{slides}");
+}
+
+/// A table that can be looked up by integers is looked up many periods away, on both sides of
+/// zero, at its ends and beside what was not measured.
+#[test]
+fn curves_in_f32_anywhere() {
+    let mut random = Random(44);
+    let mut largest: f64 = 0.0;
+    for cells in [1, 2, 3, 7, 180, 181, 720] {
+        for gaps in [false, true] {
+            let values: Vec<f64> = (0..cells)
+                .map(|_| match gaps && random.within(1.0) > 0.5 {
+                    true => f64::NAN,
+                    false => random.within(1e-3),
+                })
+                .collect();
+            let mut table = vec![0; 2 * cells];
+            let scale = encode(&values, &mut table).unwrap();
+            let period = 1.0 + random.within(0.5);
+            let curve = JointCurve::over(0, period, scale, &table);
+            let effects = [Effect::JointCurve(curve)];
+            let mut arm = arm(&mut random, 0);
+            for joint in &mut arm.joints {
+                joint.kind = JointKind::Prismatic;
+            }
+            let baked = arm.bake(&mut effects.clone());
+            let rounded = effects.map(|effect| effect.cast());
+            let single = baked.cast::<f32>();
+            let mut given = given(&mut random, arm.joints.len());
+            for _ in 0..300 {
+                given.q[0] = f64::from((random.within(120.0) * period) as f32);
+                let with = |effects: &[Effect<'_, f32>]| {
+                    single.predict(effects, &given.cast(), |_| {}).pose()
+                };
+                let moved = with(&rounded).translation - with(&[]).translation;
+                let at = Reading {
+                    q: &given.q,
+                    direction: &given.direction,
+                    ambient: &given.ambient,
+                };
+                let wanted = effects[0].addition(&at).1;
+                // Places of up to 180 m, and up to 720 cells a period: both have 24 bits.
+                let off = (f64::from(moved.norm()) - wanted.abs()).abs();
+                assert!(off < 1e-4, "{cells} cells, {}: {off:e}", given.q[0]);
+                largest = largest.max(wanted.abs());
+            }
+        }
+    }
+    assert!(largest > 9e-4, "{largest}");
 }

@@ -307,7 +307,8 @@ pub(super) fn shared_multipliers<T: Scalar>(
     e: &[T; 6],
     clearance: bool,
 ) -> ([T; 6], [T; 2]) {
-    let twist = |&[a, b, c, d, e, f]: &[T; 6]| Twist::new(Vector3::new(a, b, c), Vector3::new(d, e, f));
+    let twist =
+        |&[a, b, c, d, e, f]: &[T; 6]| Twist::new(Vector3::new(a, b, c), Vector3::new(d, e, f));
     let mut normal = NormalMatrix::diagonal(mu);
     // As above.
     let count = core::hint::black_box(columns.len());

@@ -4,9 +4,9 @@
 use nalgebra::Vector3;
 
 use super::Status;
+use super::damped::{cross, shared_multipliers};
 use super::error::{PoseError, between};
 use super::inverse_jacobian::singular_effort;
-use super::damped::{cross, shared_multipliers};
 use super::solve::dot;
 use super::step::{Columns, clearance, confined, damped_step, within_box};
 use crate::budget::{Budget, Clock, Cost};
@@ -419,9 +419,8 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         let tool = &point.tool;
         let far = tool.x.abs() + tool.y.abs() + tool.z.abs();
         let floor = T::EPSILON * (T::one() + far);
-        let below = |square: T, tolerance: T| {
-            square <= tolerance * tolerance || square <= floor * floor
-        };
+        let below =
+            |square: T, tolerance: T| square <= tolerance * tolerance || square <= floor * floor;
         let [position, orientation] = point.squares;
         below(position, settings.position_tolerance)
             && below(orientation, settings.orientation_tolerance)

@@ -192,7 +192,7 @@ pub struct Compensator<'m, T: Scalar, const N: usize> {
     work: swift::Work<T, N>,
     /// For all others.
     search: descent::Work<T, N>,
-    prepared: [PreparedJoint<T>; N],
+    prepared: [PreparedJoint<'m, T>; N],
     /// What a compensation costs at worst, and in the plain case.
     costs: [Cost; 2],
     state: State<T, N>,

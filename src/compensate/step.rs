@@ -123,7 +123,8 @@ pub(super) fn clearance<T: Scalar, const N: usize>(
         let factor = Factor::of(&h, damping);
         (T::one() / factor.inverse_trace(), None)
     } else {
-        let (y, [linear, angular]) = shared_multipliers(columns, &[T::one(); N], damping, error, true);
+        let (y, [linear, angular]) =
+            shared_multipliers(columns, &[T::one(); N], damping, error, true);
         let [p, o] = weights;
         (T::one() / (linear * (p * p) + angular * (o * o)), Some(y))
     }

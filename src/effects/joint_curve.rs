@@ -1,6 +1,6 @@
 //! A joint that measures its own angle wrongly, in an irregular but fixed way.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::{EffectModel, Reading, Stage, entry};
 use crate::Scalar;
@@ -25,7 +25,35 @@ pub struct JointCurve<'a, T: Scalar> {
     /// Little-endian `i16` counts as [`encode`] writes them, cell 0 at zero reading,
     /// [`UNMEASURED`] where nothing was measured.
     #[serde(borrow)]
-    pub table: &'a [u8],
+    table: Table<'a>,
+}
+
+/// A curve's bytes. What can be told from them is told once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Table<'a> {
+    bytes: &'a [u8],
+    /// Whether a cell was not measured.
+    gaps: bool,
+}
+
+impl<'a> From<&'a [u8]> for Table<'a> {
+    fn from(bytes: &'a [u8]) -> Self {
+        let (cells, _) = bytes.as_chunks::<2>();
+        let gaps = cells.contains(&UNMEASURED.to_le_bytes());
+        Self { bytes, gaps }
+    }
+}
+
+impl Serialize for Table<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.bytes.serialize(serializer)
+    }
+}
+
+impl<'de: 'a, 'a> Deserialize<'de> for Table<'a> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        <&[u8]>::deserialize(deserializer).map(Self::from)
+    }
 }
 
 /// The count that says that a cell was not measured. It acts as zero.
@@ -99,20 +127,20 @@ impl<'a, T: Scalar> JointCurve<'a, T> {
             joint,
             density: T::of((table.len() / 2) as f64) / period,
             scale: [scale],
-            table,
+            table: Table::from(table),
         }
     }
 
     /// Number of cells.
     #[inline]
     pub fn cells(&self) -> usize {
-        self.table.len() / 2
+        self.table.bytes.len() / 2
     }
 
     /// Entry of cell `i` in units of the scale; `None` where nothing was measured.
     #[inline]
     pub fn cell(&self, i: usize) -> Option<T> {
-        let (cells, _) = self.table.as_chunks::<2>();
+        let (cells, _) = self.table.bytes.as_chunks::<2>();
         let count = i16::from_le_bytes(*cells.get(i)?);
         (count != UNMEASURED).then(|| T::count(count))
     }
@@ -158,46 +186,138 @@ impl<T: Scalar> EffectModel<T> for JointCurve<'_, T> {
     }
 }
 
-impl<T: Scalar> JointCurve<'_, T> {
-    /// The addition to the reading `q`, rad or m. Within a turn of the table either way it
-    /// needs no division.
-    #[inline]
-    pub(crate) fn at(&self, q: T) -> T {
-        let (cells, _) = self.table.as_chunks::<2>();
-        let x = q * self.density;
-        let count = i16::try_from(cells.len()).unwrap_or(0);
-        // NaN is not within.
-        if x.abs() < T::count(count) {
-            let (whole, fraction) = x.split_near();
-            let index = if whole < 0 {
-                whole + i32::from(count)
-            } else {
-                whole
-            };
-            let next = if index + 1 < i32::from(count) {
-                index + 1
-            } else {
-                0
-            };
-            let cell = |i| usize::try_from(i).ok().and_then(|i: usize| cells.get(i));
-            if let (Some(low), Some(high)) = (cell(index), cell(next)) {
-                let (low, high) = (i16::from_le_bytes(*low), i16::from_le_bytes(*high));
-                if low != UNMEASURED && high != UNMEASURED {
-                    let low = T::count(low);
-                    return (low + (T::count(high) - low) * fraction) * self.scale[0];
-                }
-            }
+impl<'a, T: Scalar> JointCurve<'a, T> {
+    /// As the control loop reads it.
+    pub(crate) fn prepared(&self) -> PreparedCurve<'a, T> {
+        let (cells, _) = self.table.bytes.as_chunks::<2>();
+        let [pace, scale] = T::pace(self.density, cells.len(), self.scale[0]);
+        PreparedCurve {
+            cells,
+            pace,
+            scale,
+            gaps: self.table.gaps,
         }
-        self.counts(q) * self.scale[0]
     }
 
-    /// The same in counts of the table.
+    /// Counts of the table at the reading `q`.
     #[inline(never)]
     fn counts(&self, q: T) -> T {
         let Some(hat) = hat(q, self.density, self.cells()) else {
             return T::zero();
         };
         let cell = |i| self.cell(i).unwrap_or_else(T::zero);
+        let low = cell(hat.index);
+        low + (cell(hat.next) - low) * hat.fraction
+    }
+}
+
+/// A curve with its constants in the form that a number type looks it up by.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PreparedCurve<'a, T> {
+    cells: &'a [[u8; 2]],
+    pace: T,
+    scale: T,
+    gaps: bool,
+}
+
+impl<T: Scalar> PreparedCurve<'_, T> {
+    /// None at all.
+    pub(crate) fn none() -> Self {
+        Self {
+            cells: &[],
+            pace: T::zero(),
+            scale: T::zero(),
+            gaps: false,
+        }
+    }
+
+    /// Whether a cell was not measured.
+    pub(crate) fn gaps(&self) -> bool {
+        self.gaps
+    }
+
+    /// Addition to the reading `q`, rad or m.
+    #[inline(always)]
+    pub(crate) fn at(&self, q: T) -> T {
+        q.look_up(self.pace, self.cells, count) * self.scale
+    }
+
+    /// The same of a curve without gaps.
+    #[inline(always)]
+    pub(crate) fn of_measured(&self, q: T) -> T {
+        let count = |cell| i32::from(i16::from_le_bytes(cell));
+        q.look_up(self.pace, self.cells, count) * self.scale
+    }
+}
+
+/// A number type that tables can be looked up in.
+pub trait LookUp: Sized {
+    /// From cells per rad or m, the number of cells, and rad or m a count: what to look a
+    /// reading up by, and what to scale the result by.
+    fn pace(density: Self, cells: usize, scale: Self) -> [Self; 2];
+
+    /// Value of the periodic table `cells` at a reading, linear between the cells, whose counts
+    /// are `count` of them.
+    fn look_up(self, pace: Self, cells: &[[u8; 2]], count: impl Fn([u8; 2]) -> i32) -> Self;
+}
+
+/// The count in a cell, zero where nothing was measured.
+#[inline(always)]
+fn count(cell: [u8; 2]) -> i32 {
+    match i16::from_le_bytes(cell) {
+        UNMEASURED => 0,
+        count => i32::from(count),
+    }
+}
+
+/// By integers, without a comparison with the ends: in units of 2^-24 of the period the
+/// reading is below 2^31 for 128 periods either way, and its upper 8 bits, the periods, are
+/// shifted out. The table's entry is then the upper half of a product, what lies between it and
+/// the next the lower one, of which the result, in units of 2^-15 counts, takes 15 bits.
+/// Further away than 128 periods the entry at zero is taken.
+impl LookUp for f32 {
+    fn pace(density: Self, cells: usize, scale: Self) -> [Self; 2] {
+        let cells = i16::try_from(cells).map_or(Self::INFINITY, Self::count);
+        [density / cells * 16_777_216.0, scale * (1.0 / 32_768.0)]
+    }
+
+    #[inline(always)]
+    fn look_up(self, pace: Self, cells: &[[u8; 2]], count: impl Fn([u8; 2]) -> i32) -> Self {
+        let part = ((self * pace) as i32).cast_unsigned() << 8;
+        let place = u64::from(part) * cells.len() as u64;
+        let fraction = (place as u32 >> 17).cast_signed();
+        let index = (place >> 32) as usize;
+        let Some(&low) = cells.get(index) else {
+            return nothing();
+        };
+        let next = index + 1;
+        let next = if next < cells.len() { next } else { 0 };
+        let Some(&high) = cells.get(next) else {
+            return nothing();
+        };
+        let [low, high] = [count(low), count(high)];
+        ((low << 15) + (high - low) * fraction) as Self
+    }
+}
+
+/// Of a table without cells.
+#[cold]
+#[inline(never)]
+fn nothing() -> f32 {
+    0.0
+}
+
+impl LookUp for f64 {
+    fn pace(density: Self, _: usize, scale: Self) -> [Self; 2] {
+        [density, scale]
+    }
+
+    #[inline]
+    fn look_up(self, pace: Self, cells: &[[u8; 2]], count: impl Fn([u8; 2]) -> i32) -> Self {
+        let Some(hat) = hat(self, pace, cells.len()) else {
+            return 0.0;
+        };
+        let cell = |i: usize| cells.get(i).map_or(0.0, |&cell| Self::from(count(cell)));
         let low = cell(hat.index);
         low + (cell(hat.next) - low) * hat.fraction
     }

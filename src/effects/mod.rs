@@ -50,6 +50,7 @@ pub use gravity_lever::GravityLever;
 pub use joint_compliance::JointCompliance;
 pub use joint_coupling::JointCoupling;
 pub use joint_curve::{Hat, JointCurve, UNMEASURED, encode, hat};
+pub(crate) use joint_curve::{LookUp, PreparedCurve};
 pub use joint_gain::JointGain;
 pub use link_bending::{Bends, Link, LinkBending};
 pub use naming::{KINDS, Kind, Needs, Selector, Wish};

@@ -72,7 +72,7 @@ impl<T: Scalar> Baked<T> {
     ) -> Prediction<T> {
         let count = self.joints.len();
         let mut scratch = Scratch {
-            additions: &mut vec![T::zero(); count],
+            readings: &mut vec![T::zero(); count],
             frames: &mut vec![Frame::identity(); count],
             moments: &mut vec![Vector3::zeros(); count],
             forces: &mut vec![Vector3::zeros(); count],

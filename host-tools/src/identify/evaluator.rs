@@ -75,8 +75,8 @@ pub(super) fn paths(arm: &ArmModel, unknowns: &[Unknown]) -> Vec<Path> {
 pub struct Evaluator<'a> {
     arm: &'a ArmModel,
     sigmas: Sigmas,
-    prepared: Vec<PreparedJoint<f64>>,
-    additions: Vec<f64>,
+    prepared: Vec<PreparedJoint<'a, f64>>,
+    readings: Vec<f64>,
     frames: Vec<Frame<f64>>,
     moments: Vec<Vector3<f64>>,
     forces: Vec<Vector3<f64>>,
@@ -94,7 +94,7 @@ impl<'a> Evaluator<'a> {
             arm,
             sigmas,
             prepared: vec![PreparedJoint::empty(); n],
-            additions: vec![0.0; n],
+            readings: vec![0.0; n],
             frames: vec![Frame::identity(); n],
             moments: vec![Vector3::zeros(); n],
             forces: vec![Vector3::zeros(); n],
@@ -119,7 +119,7 @@ impl<'a> Evaluator<'a> {
             .predict(
                 q,
                 &mut Scratch {
-                    additions: &mut self.additions,
+                    readings: &mut self.readings,
                     frames: &mut self.frames,
                     moments: &mut self.moments,
                     forces: &mut self.forces,
@@ -380,7 +380,7 @@ impl<'a> Evaluator<'a> {
             Stage::Posture => {
                 let rigid = self.rigid;
                 let mut scratch = Scratch {
-                    additions: &mut self.additions,
+                    readings: &mut self.readings,
                     frames: &mut self.frames,
                     moments: &mut self.moments,
                     forces: &mut self.forces,

@@ -62,7 +62,7 @@ pub mod measured {
     pub fn preparation<'p>(
         model: &'p Model<'_, f32, JOINTS>,
         conditions: &'p Conditions<f32, JOINTS>,
-        joints: &'p mut [PreparedJoint<f32>; JOINTS],
+        joints: &'p mut [PreparedJoint<'p, f32>; JOINTS],
     ) -> Prepared<'p, f32> {
         model.prepare(conditions, joints)
     }
