@@ -48,6 +48,12 @@ pub trait Scalar: RealField + Copy + Load + LookUp {
         Self::turned(sine, cosine, by)
     }
 
+    /// [`Scalar::turned`] by 0.12 rad at most.
+    #[inline]
+    fn turned_by_step(sine: Self, cosine: Self, by: Self) -> (Self, Self) {
+        Self::turned(sine, cosine, by)
+    }
+
     /// Angle of the point (`x`, `self`) in (-pi, pi], rad, the same bits on every core.
     fn arctangent2(self, x: Self) -> Self;
 
@@ -190,6 +196,18 @@ impl Scalar for f32 {
         (
             sine + (cosine - sine * half) * by,
             cosine - (sine + cosine * half) * by,
+        )
+    }
+
+    #[inline]
+    fn turned_by_step(sine: Self, cosine: Self, by: Self) -> (Self, Self) {
+        // The next terms of the series are below 5e-9.
+        let z = by * by;
+        let s = by - z * by * (1.0 / 6.0 - z * (1.0 / 120.0));
+        let versine = z * (0.5 - z * (1.0 / 24.0));
+        (
+            (cosine * s - sine * versine) + sine,
+            cosine - (sine * s + cosine * versine),
         )
     }
 

@@ -11,6 +11,7 @@ use support::Random;
 use truepose::budget::Budget;
 use truepose::compensate::{Compensator, Request, Status};
 use truepose::effects::Conditions;
+use truepose::{Method, Settings};
 
 const POSES: usize = 1000;
 
@@ -31,6 +32,39 @@ fn in_double_precision_within_a_micrometre_from_nominal_joints() {
             assert!(left.linear.norm() <= 1e-6 && left.angular.norm() <= 1e-6);
         }
     }
+}
+
+/// What is told to remain is no less than what does, however early it ends.
+#[test]
+fn what_remains_is_within_what_is_told() {
+    let mut random = Random(23);
+    let mut bounds = 0;
+    for most in 1..=3 {
+        let blob = blob(off(&mut random), &[]);
+        let model = blob.model::<f64, 6>().unwrap();
+        for (pose, method) in (0..POSES).zip([Method::InverseJacobian, Method::Lqr].iter().cycle())
+        {
+            let q = away_from_singularities(&mut random, &model);
+            let mut compensator = Compensator::new(&model).with_settings(Settings {
+                max_iterations: most,
+                method: *method,
+                ..model.settings
+            });
+            let outcome = compensator.correct(&Request::joints(q), &mut Budget::unlimited());
+            let reached = model.predict(&outcome.q, &Conditions::default());
+            let left = reached.twist_to(&model.nominal_pose(&q));
+            let told = outcome.remaining.unwrap();
+            // Of the pose, whose coordinates are of the order of one.
+            let rounding = 1e-14;
+            assert!(
+                left.linear.norm() <= told.position + rounding
+                    && left.angular.norm() <= told.orientation + rounding,
+                "{pose}: {left:?} {outcome:?}"
+            );
+            bounds += u32::from(told.position > 2.0 * left.linear.norm());
+        }
+    }
+    assert!(bounds > 1000, "only {bounds} are bounds");
 }
 
 /// Errors are computed in double precision from the bits of the joints that come out.

@@ -41,6 +41,22 @@ fn an_offset_costs_single_precision_less_than_one_more_rounding() {
 }
 
 #[test]
+fn a_little_turn_costs_single_precision_no_more_than_its_roundings() {
+    let mut error = 0.0_f64;
+    for k in -3000..=3000_i16 {
+        let (angle, by) = (f32::from(k) * 1e-3, f32::from(k % 241) * 5e-4);
+        let (s, c) = angle.sincos();
+        let (exact_s, exact_c) = (f64::from(angle) + f64::from(by)).sin_cos();
+        let (s, c) = f32::turned_by_step(s, c, by);
+        error = error.max((f64::from(s) - exact_s).abs());
+        error = error.max((f64::from(c) - exact_c).abs());
+        let (s, c) = f64::turned_by_step(f64::from(angle).sin(), f64::from(angle).cos(), by.into());
+        assert!((s - exact_s).abs() < 4e-16 && (c - exact_c).abs() < 4e-16);
+    }
+    assert!(error < 1.5e-7, "{error:e}");
+}
+
+#[test]
 fn double_precision_is_within_three_e_minus_sixteen_up_to_a_thousand_radians() {
     for reach in [1e-6, 0.78, 7.0, 1000.0] {
         let error = worst::<f64>(reach, 200_000, false);

@@ -12,6 +12,7 @@
 
 mod damped;
 mod descent;
+mod direct;
 mod error;
 pub mod inverse_jacobian;
 pub mod lqr;
@@ -174,8 +175,10 @@ impl<T: Scalar + defmt::Format, const N: usize> defmt::Format for Outcome<T, N> 
 /// What a compensator remembers from one cycle to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<T: Scalar, const N: usize> {
-    /// Last correction, rad or m: where the next search starts.
-    correction: [T; N],
+    /// Last command that was compensated, rad or m,
+    asked: [T; N],
+    /// and what came of it: the next search starts with the same correction.
+    found: [T; N],
     /// Last command sent.
     last: [T; N],
     /// Longest iteration seen, cycles.
@@ -210,7 +213,8 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             prepared: [PreparedJoint::empty(); N],
             costs: costs(model, &model.settings),
             state: State {
-                correction: [T::zero(); N],
+                asked: [T::zero(); N],
+                found: [T::zero(); N],
                 last: [T::zero(); N],
                 longest: 0,
             },
@@ -239,7 +243,8 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
     pub fn reset(&mut self) {
         let zero = [T::zero(); N];
         self.state = State {
-            correction: zero,
+            asked: zero,
+            found: zero,
             last: self.within_limits(&zero),
             longest: 0,
         };
@@ -276,9 +281,8 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
                     &nominal
                 }
             };
-            let outcome = self.swift(request, desired, budget, plain.iteration);
-            if let Some(outcome) = outcome {
-                return outcome;
+            if let Some(plain) = self.swift(request, desired, budget, plain.iteration) {
+                return plain.outcome(&self.state.found, budget.spent());
             }
         }
         let outcome = match refusal(request) {
@@ -295,15 +299,8 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             }
         };
         if outcome.status.compensated() {
-            for ((correction, &q), &start) in self
-                .state
-                .correction
-                .iter_mut()
-                .zip(&outcome.q)
-                .zip(&request.q)
-            {
-                *correction = q - start;
-            }
+            self.state.asked = request.q;
+            self.state.found = outcome.q;
         }
         self.state.last = outcome.q;
         outcome
@@ -352,7 +349,11 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             free: false,
             longest: 0,
         };
-        let (work, remembered) = (&mut self.search, &self.state.correction);
+        let mut remembered = self.state.found;
+        for (correction, &asked) in remembered.iter_mut().zip(&self.state.asked) {
+            *correction -= asked;
+        }
+        let work = &mut self.search;
         let mut task_point = None;
         let found = match (settings.method, inverse) {
             (Method::TaskPoint, Some(inverse)) => {
@@ -365,7 +366,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
                 taught::run(&self.model.taught, &mut descent, work, budget, cost)
             }
             (Method::InverseJacobian | Method::Lqr | Method::TaskPoint, _) => {
-                descent.run(remembered, work, budget, cost)
+                descent.run(&remembered, work, budget, cost)
             }
         };
         self.state.longest = self.state.longest.max(descent.longest);

@@ -23,7 +23,7 @@ pub(super) struct Rest<T: Scalar> {
     /// the sine of the angle along the axis: to be used below a quarter turn.
     pub(super) twist: Twist<T>,
     /// Square of the distance of the rotation matrices, entry by entry: for rotations
-    /// `4 (1 - cos angle)`.
+    /// `4 (1 - cos angle)`. Zero where it was not asked for.
     pub(super) apart: T,
 }
 
@@ -68,19 +68,23 @@ impl<T: Scalar> Walk<T> {
         self.z = self.z * joint.cos_alpha - y * joint.sin_alpha;
     }
 
-    /// From here to the target.
+    /// From here to the target; how far apart only where it is `asked`.
     #[inline(always)]
-    fn to(&self, tip: &Vector3<T>, target: &Pose<T>) -> Rest<T> {
+    fn to(&self, tip: &Vector3<T>, target: &Pose<T>, asked: bool) -> Rest<T> {
         let linear = self.way - self.x * tip.x - self.y * tip.y - self.z * tip.z;
         let r = &target.rotation;
         let x = Vector3::new(r.m11, r.m21, r.m31);
         let y = Vector3::new(r.m12, r.m22, r.m32);
         let z = Vector3::new(r.m13, r.m23, r.m33);
         let angular = (cross(&self.x, &x) + cross(&self.y, &y) + cross(&self.z, &z)) * T::of(0.5);
-        let (x, y, z) = (self.x - x, self.y - y, self.z - z);
+        let apart = if asked {
+            square(&(self.x - x)) + square(&(self.y - y)) + square(&(self.z - z))
+        } else {
+            T::zero()
+        };
         Rest {
             twist: Twist::new(linear, angular).at(&linear),
-            apart: square(&x) + square(&y) + square(&z),
+            apart,
         }
     }
 }
@@ -91,26 +95,42 @@ pub(super) fn square<T: Scalar>(v: &Vector3<T>) -> T {
     v.x * v.x + v.y * v.y + v.z * v.z
 }
 
-/// What is left to a target, and the joint Jacobian there: everything that a step needs.
-///
-/// All poses in the first joint's frame before its motion, up to the last joint's after it:
-/// `target` comes without the base and, its rotation, without the tool's; `tip` is the tool
-/// point in the last joint's frame, m. `turns`: room for sines and cosines. `columns`: one
-/// place a joint, set to the displacement of the body point at the target's position per unit
-/// of the joint. All joints turn, and there are at least two.
-#[inline(never)]
-pub(super) fn approach<T: Scalar>(
-    joints: &[BakedJoint<T>],
-    q: &[T],
-    tip: &Vector3<T>,
-    target: &Pose<T>,
-    turns: &mut [[T; 2]],
-    columns: &mut [Twist<T>],
-) -> Option<Rest<T>> {
+/// Sine and cosine of each joint.
+#[inline(always)]
+pub(super) fn turns_at<T: Scalar>(joints: &[BakedJoint<T>], q: &[T], turns: &mut [[T; 2]]) {
     for ((turn, &q), joint) in turns.iter_mut().zip(q).zip(joints) {
         let (s, c) = q.sincos_beside(joint.theta);
         *turn = [s, c];
     }
+}
+
+/// The same after steps of at most 0.12 rad, from those before.
+#[inline(always)]
+pub(super) fn turn_by<T: Scalar>(steps: &[T], turns: &mut [[T; 2]]) {
+    for (turn, &step) in turns.iter_mut().zip(steps) {
+        let [s, c] = *turn;
+        let (s, c) = T::turned_by_step(s, c, step);
+        *turn = [s, c];
+    }
+}
+
+/// What is left to a target, and the joint Jacobian there: everything that a step needs.
+///
+/// All poses in the first joint's frame before its motion, up to the last joint's after it:
+/// `target` comes without the base and, its rotation, without the tool's; `tip` is the tool
+/// point in the last joint's frame, m. `turns`: sine and cosine of each joint. `columns`: one
+/// place a joint, set to the displacement of the body point at the target's position per unit
+/// of the joint. `apart`: whether to tell [`Rest::apart`]. All joints turn, and there are at
+/// least two.
+#[inline(never)]
+pub(super) fn approach<T: Scalar>(
+    joints: &[BakedJoint<T>],
+    turns: &[[T; 2]],
+    tip: &Vector3<T>,
+    target: &Pose<T>,
+    columns: &mut [Twist<T>],
+    apart: bool,
+) -> Option<Rest<T>> {
     let ([first, joints @ .., _], [first_turn, turns @ .., last_turn]) = (joints, turns) else {
         return None;
     };
@@ -139,5 +159,5 @@ pub(super) fn approach<T: Scalar>(
     // The last joint has no link: it is in the tool.
     *last_column = walk.column();
     walk.turn(*last_turn);
-    Some(walk.to(tip, target))
+    Some(walk.to(tip, target, apart))
 }

@@ -2,26 +2,28 @@
 //! as it takes: the plain case of [`super::descent`], which takes over wherever it is not
 //! plain.
 //!
-//! For the regulator too, as long as it asks the same price of all corrections, which is a
-//! damping towards the command that came in. It solves the same problem by the same steps and
-//! so ends at the same joints. What it saves is the frames, the effort, and the last
-//! evaluation: a step `p` of a chain of turns leaves
+//! For the regulator too, at commands clear of the margins in which it asks a price of its own
+//! of each joint: what is left is one price for all, which is a damping towards the command
+//! that came in. It solves the same problem by the same steps and so ends at the same joints.
+//! What it saves is the frames, the effort, the damping of all steps but the first, and the
+//! last evaluation: a step `p` of a chain of turns leaves
 //!
 //! ```text
-//! |remaining| <= D |y| + sum over k of |p_k| r_k (|p_k| / 2 + sum over j < k of |p_j|)   position
-//! |remaining| <= D |y| + 1/2 sum over j < k of |p_j| |p_k|                               orientation
+//! |remaining| <= r s² / 2   position        |remaining| <= s² / 4   orientation
+//! s = sum over k of |p_k|,   r: longest way from an axis to the tool point
 //! ```
-//! the first from the damping ([`super::damped`]), exactly, the second the remainder of
-//! Taylor's series: the second derivative of the tool point by the turns j and k >= j is not
-//! longer than the way `r_k` from axis k to it, and that of the orientation is half the cross
-//! product of the axes. If this is below the tolerances, the step is the answer.
+//! of the equations that it solves: the second derivative of the tool point by the turns j
+//! and k >= j is not longer than the way from axis k to it, and that of the orientation is
+//! half the cross product of the axes. If this is below the tolerances, the step is the
+//! answer. Where it is not quite, the second order itself is worked out ([`curvature`]), and
+//! what is beyond it is at most `r s³ / 6` and `s³ / 6`.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::damped::{multipliers, share};
+use super::damped::{cross, multipliers, share};
 use super::error::PoseError;
-use super::rigid::{Rest, approach, square};
-use super::{Compensator, Outcome, Request, Status, lqr};
+use super::rigid::{Rest, approach, square, turn_by, turns_at};
+use super::{Compensator, Outcome, Request, Status, direct, lqr};
 use crate::budget::{Budget, Clock, PLAIN_ITERATIONS};
 use crate::model::Model;
 use crate::{JointKind, Method, Pose, Scalar, Settings, Twist};
@@ -29,18 +31,22 @@ use crate::{JointKind, Method, Pose, Scalar, Settings, Twist};
 /// What does not change from request to request.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Constants<T: Scalar, const N: usize> {
-    /// Of the position and the orientation equations, the price of a correction with it.
+    /// Of the position and the orientation equations, the regulator's price with it.
     damping: [T; 2],
-    /// Share of the price in that.
+    /// Share of the price in that: zero without a regulator.
     priced: T,
     /// Squares of the weights of position and orientation.
     weights: [T; 2],
     /// Square of the smallest singular value that counts as clear.
     singular: T,
-    /// Longest way from each axis to the tool point, m.
-    levers: [T; N],
+    /// Longest way from an axis to the tool point, m.
+    reach: T,
+    /// Squares of the tolerances, or of what can be told apart in this number type.
+    tolerance: Squares<T>,
     /// Middle and half of where each joint may go, rad.
     travel: [[T; 2]; N],
+    /// Of that half, the part at its end in which the regulator's prices differ.
+    margin: T,
     /// Ways that add up to more move at least one joint by half its resolution, rad.
     perceptible: T,
 }
@@ -52,6 +58,8 @@ pub(super) struct Work<T: Scalar, const N: usize> {
     turns: [[T; 2]; N],
     /// The joint Jacobian.
     columns: [Twist<T>; N],
+    /// The last step of each joint, rad.
+    steps: [T; N],
 }
 
 impl<T: Scalar, const N: usize> Default for Work<T, N> {
@@ -59,6 +67,7 @@ impl<T: Scalar, const N: usize> Default for Work<T, N> {
         Self {
             turns: [[T::zero(); 2]; N],
             columns: [Twist::zero(); N],
+            steps: [T::zero(); N],
         }
     }
 }
@@ -73,17 +82,19 @@ impl<T: Scalar, const N: usize> Constants<T, N> {
         if N < 6 || !turns || !model.effects.is_empty() || p < least || o < least {
             return None;
         }
-        let mut levers = [T::zero(); N];
-        let mut lever = chain.tool.translation.norm_squared().root();
-        for (place, joint) in levers.iter_mut().zip(&chain.joints).rev() {
-            lever += (joint.tx * joint.tx + joint.ty * joint.ty).root();
-            *place = lever;
+        let mut reach = chain.tool.translation.norm_squared().root();
+        for joint in &chain.joints {
+            reach += (joint.tx * joint.tx + joint.ty * joint.ty).root();
         }
+        // Coordinates add up to less than twice the way.
+        let floor = T::EPSILON * (T::one() + reach + reach);
+        let tolerance = |asked: T| {
+            let tolerance = if asked > floor { asked } else { floor };
+            tolerance * tolerance
+        };
         let half = T::of(0.5);
-        // The regulator's price, the same for all joints as long as they are clear of the
-        // margins in which it grows.
         let (price, margin) = match settings.method {
-            Method::Lqr => (settings.effort, T::of(lqr::MARGIN)),
+            Method::Lqr => (settings.effort, T::of(2.0 * lqr::MARGIN)),
             _ => (T::zero(), T::zero()),
         };
         let damping = settings.damping + price;
@@ -92,14 +103,41 @@ impl<T: Scalar, const N: usize> Constants<T, N> {
             priced: price / damping,
             weights: [p * p, o * o],
             singular: settings.singular_value * settings.singular_value,
-            levers,
+            reach,
+            tolerance: Squares {
+                position: tolerance(settings.position_tolerance),
+                orientation: tolerance(settings.orientation_tolerance),
+            },
             travel: model.limits.map(|[low, high]| {
                 // Rounding of the middle, of the half and of what is compared with them.
                 let rounding = (low.abs() + high.abs()) * T::EPSILON * T::of(4.0);
-                let range = high - low;
-                [(low + high) * half, range * (half - margin) - rounding]
+                [(low + high) * half, (high - low) * half - rounding]
             }),
+            margin,
             perceptible: model.resolution.iter().fold(T::zero(), |sum, &r| sum + r),
+        })
+    }
+
+    /// Whether the ways from `start` to `q` are inside the travel, and where there is a
+    /// regulator their starts outside the margins.
+    #[inline(always)]
+    fn inside(&self, q: &[T; N], start: &[T; N]) -> bool {
+        let inner = T::one() - self.margin;
+        let mut inside = true;
+        for ((&q, &start), &[middle, half]) in q.iter().zip(start).zip(&self.travel) {
+            // Both ends are inside then; NaN is outside.
+            inside &= (q - middle).abs() + (q - start).abs() < half * inner;
+        }
+        inside || !self.margin.is_zero() && self.barely_inside(q, start)
+    }
+
+    /// The same with a regulator, where it ends in a margin or not far from one.
+    #[inline(never)]
+    fn barely_inside(&self, q: &[T; N], start: &[T; N]) -> bool {
+        let inner = T::one() - self.margin;
+        let mut joints = q.iter().zip(start).zip(&self.travel);
+        joints.all(|((&q, &start), &[middle, half])| {
+            (start - middle).abs() < half * inner && (q - middle).abs() < half
         })
     }
 }
@@ -133,8 +171,34 @@ fn without<T: Scalar>(desired: &Pose<T>, base: &Pose<T>, tool: &Pose<T>) -> Pose
     )
 }
 
+/// How a plain case ended.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plain<T> {
+    status: Status,
+    iterations: u8,
+    initial: Squares<T>,
+    remaining: Squares<T>,
+}
+
+impl<T: Scalar> Plain<T> {
+    /// As it is told, with the command `q`.
+    #[inline(always)]
+    pub(super) fn outcome<const N: usize>(&self, q: &[T; N], cycles: u32) -> Outcome<T, N> {
+        Outcome {
+            q: *q,
+            status: self.status,
+            iterations: self.iterations,
+            initial: Some(self.initial.error()),
+            remaining: Some(self.remaining.error()),
+            clamped: [false; N],
+            task_point: None,
+            cycles,
+        }
+    }
+}
+
 /// Squares of position and orientation error.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Squares<T> {
     position: T,
     orientation: T,
@@ -168,14 +232,9 @@ impl<T: Scalar> Squares<T> {
     }
 }
 
-/// Square of the larger.
-#[inline(always)]
-fn square_of_larger<T: Scalar>(a: T, b: T) -> T {
-    if a > b { a * a } else { b * b }
-}
-
 impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
-    /// The answer to a request for the pose `desired`, or `None` where this is no plain case.
+    /// Answers a request for the pose `desired`: the command is in the state. `None`, and the
+    /// state as it was, where this is no plain case.
     #[inline(always)]
     pub(super) fn swift<C: Clock>(
         &mut self,
@@ -183,31 +242,37 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
         desired: &Pose<T>,
         budget: &Budget<'_, C>,
         iteration_cycles: u32,
-    ) -> Option<Outcome<T, N>> {
+    ) -> Option<Plain<T>> {
         let constants = self.constants.as_ref()?;
         let settings = &self.settings;
         let chain = &self.model.calibrated;
         let target = without(desired, &chain.base, &chain.tool);
-        let place = &target.translation;
-        let floor = T::EPSILON * (T::one() + place.x.abs() + place.y.abs() + place.z.abs());
-        let tolerance = Squares {
-            position: square_of_larger(settings.position_tolerance, floor),
-            orientation: square_of_larger(settings.orientation_tolerance, floor),
-        };
         let tip = &chain.tool.translation;
-        let Work { turns, columns } = &mut self.work;
+        let regulated = !constants.priced.is_zero();
+        let Work {
+            turns,
+            columns,
+            steps,
+        } = &mut self.work;
         let mut q = request.q;
         let mut iterations = 0;
         let mut initial = Squares {
             position: T::zero(),
             orientation: T::zero(),
         };
-        let mut before = T::zero();
+        let (mut before, mut travelled) = (T::zero(), T::zero());
+        // Of the last step, in sum: none yet.
+        let mut way = T::one();
         let (status, remaining) = loop {
-            let rest = approach(&chain.joints, &q, tip, &target, turns, columns)?;
+            let first = iterations == 0;
+            if way <= T::of(0.12) {
+                turn_by(steps, turns);
+            } else {
+                turns_at(&chain.joints, &q, turns);
+            }
+            let rest = approach(&chain.joints, turns, tip, &target, columns, first)?;
             let error = rest.twist;
             let now = Squares::of(&error);
-            let first = iterations == 0;
             let merit = now.weighted(constants.weights);
             if first {
                 initial = now;
@@ -222,7 +287,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
                 }
             }
             before = merit;
-            if now.below(&tolerance) {
+            if now.below(&constants.tolerance) {
                 break (Status::Converged, now);
             }
             if iterations >= settings.max_iterations {
@@ -231,75 +296,90 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             if !budget.fits(iteration_cycles) {
                 break (Status::OutOfBudget, now);
             }
-            // What a price asks back of the way so far, none yet at first.
-            let priced = if first { T::zero() } else { constants.priced };
-            let asked = if priced.is_zero() {
-                error
-            } else {
-                with_undone(&error, columns, &q, &request.q, priced)
-            };
-            let (y, trace) = multipliers(columns, constants.damping, &asked, first);
-            // No price is put on corrections: `inverse_jacobian::singular_effort` is 0. NaN
-            // is not clear.
-            let clear = !first || trace * (constants.singular + merit) <= T::one();
-            if !clear {
-                return None;
+            iterations += 1;
+            let last = iterations >= settings.max_iterations;
+            let mut kept = [T::zero(); 2];
+            if first || regulated || !direct::step(columns, &error, steps) {
+                let mut asked = error;
+                if regulated && !first {
+                    // What the price asks back of the way so far, none yet at first.
+                    undo(&mut asked, columns, &q, &request.q, constants.priced);
+                }
+                let (y, trace) = multipliers(columns, constants.damping, &asked, first);
+                // No price is put on corrections: `inverse_jacobian::singular_effort` is 0.
+                // NaN is not clear.
+                let clear = !first || trace * (constants.singular + merit) <= T::one();
+                if !clear {
+                    return None;
+                }
+                for (step, column) in steps.iter_mut().zip(columns.iter()) {
+                    *step = share(column, &y);
+                }
+                if regulated && !first {
+                    for (step, (&q, &start)) in steps.iter_mut().zip(q.iter().zip(&request.q)) {
+                        *step -= (q - start) * constants.priced;
+                    }
+                }
+                if last || !first {
+                    let [position, orientation] = constants.damping;
+                    let sum = |v: &Vector3<T>| v.x.abs() + v.y.abs() + v.z.abs();
+                    kept = [position * sum(&y.linear), orientation * sum(&y.angular)];
+                }
             }
-            let mut way = T::zero();
-            let mut curved = Squares {
-                position: T::zero(),
-                orientation: T::zero(),
-            };
-            let half = T::of(0.5);
-            let joints = q.iter_mut().zip(&request.q).zip(columns.iter());
-            for (((q, &start), column), &lever) in joints.zip(&constants.levers) {
-                let step = share(column, &y) - (*q - start) * priced;
+            way = T::zero();
+            for (q, &step) in q.iter_mut().zip(steps.iter()) {
                 *q += step;
-                let step = step.abs();
-                curved.position += step * lever * (half * step + way);
-                curved.orientation += step * way;
-                way += step;
+                way += step.abs();
             }
             // Perhaps no joint moves by half its resolution.
             if way <= constants.perceptible {
                 return None;
             }
-            iterations += 1;
-            let left = bound(&y, constants.damping, &curved);
-            // Below a sixteenth of the error before, in the square: a quarter.
-            if left.weighted(constants.weights) * T::of(16.0) <= before {
-                if left.below(&tolerance) {
-                    break (Status::Converged, left);
+            travelled += way;
+            // A first step hardly ever is enough, so there is nothing to be bounded.
+            if last || !first {
+                let quarter = way * way * T::of(0.25);
+                let reach = constants.reach + constants.reach;
+                // Below a sixteenth of the error before, in the square: a quarter.
+                let pace =
+                    |left: &Squares<T>| left.weighted(constants.weights) * T::of(16.0) <= before;
+                let mut left = bound(kept, [reach * quarter, quarter]);
+                let enough = if last {
+                    pace(&left)
+                } else {
+                    left.below(&constants.tolerance)
+                };
+                if !enough {
+                    let [position, orientation] = curvature(columns, steps);
+                    let third = way * quarter * T::of(2.0 / 3.0);
+                    left = bound(
+                        kept,
+                        [position + constants.reach * third, orientation + third],
+                    );
                 }
-                if iterations >= settings.max_iterations {
-                    break (Status::IterationLimit, left);
+                if pace(&left) {
+                    if left.below(&constants.tolerance) {
+                        break (Status::Converged, left);
+                    }
+                    if last {
+                        break (Status::IterationLimit, left);
+                    }
                 }
             }
         };
-        let bound = settings.correction_bound[0];
-        let joints = q.iter().zip(&request.q).zip(&constants.travel);
-        for ((&q, &start), &[middle, half]) in joints {
-            let away = (q - start).abs();
-            // Both ends of the way are inside then; NaN is outside.
-            let inside = away < bound && (q - middle).abs() + away < half;
-            if !inside {
-                return None;
-            }
+        // NaN is not near.
+        let near = travelled < settings.correction_bound[0];
+        if !near || !constants.inside(&q, &request.q) {
+            return None;
         }
-        let places = self.state.correction.iter_mut().zip(&mut self.state.last);
-        for ((correction, last), (&q, &start)) in places.zip(q.iter().zip(&request.q)) {
-            *correction = q - start;
-            *last = q;
-        }
-        Some(Outcome {
-            q,
+        self.state.asked = request.q;
+        self.state.found = q;
+        self.state.last = q;
+        Some(Plain {
             status,
             iterations,
-            initial: Some(initial.error()),
-            remaining: Some(remaining.error()),
-            clamped: [false; N],
-            task_point: None,
-            cycles: budget.spent(),
+            initial,
+            remaining,
         })
     }
 }
@@ -315,32 +395,46 @@ impl<T: Scalar> Rest<T> {
     }
 }
 
-/// The error if `share` of the way from `start` to `q` were undone.
+/// Adds to `error` what it would grow by if `share` of the way from `start` to `q` were undone.
 #[inline(never)]
-fn with_undone<T: Scalar>(
-    error: &Twist<T>,
-    columns: &[Twist<T>],
-    q: &[T],
-    start: &[T],
-    share: T,
-) -> Twist<T> {
-    let mut undone = *error;
+fn undo<T: Scalar>(error: &mut Twist<T>, columns: &[Twist<T>], q: &[T], start: &[T], share: T) {
     for ((column, &q), &start) in columns.iter().zip(q).zip(start) {
-        undone = undone.plus(&column.scaled((q - start) * share));
+        *error = error.plus(&column.scaled((q - start) * share));
     }
-    undone
 }
 
-/// What a step by `y` leaves at most: what the damping keeps back, and the remainder of
-/// Taylor's series.
+/// What a step leaves at most: what was `kept` back of the equations, and how far the pose
+/// is `off` what they say.
 #[inline(always)]
-fn bound<T: Scalar>(y: &Twist<T>, damping: [T; 2], curved: &Squares<T>) -> Squares<T> {
-    let [position, orientation] = damping;
-    let sum = |v: &Vector3<T>| v.x.abs() + v.y.abs() + v.z.abs();
-    let position = position * sum(&y.linear) + curved.position;
-    let orientation = orientation * sum(&y.angular) + curved.orientation * T::of(0.5);
+fn bound<T: Scalar>(kept: [T; 2], off: [T; 2]) -> Squares<T> {
+    let [position, orientation] = [kept[0] + off[0], kept[1] + off[1]];
     Squares {
         position: position * position,
         orientation: orientation * orientation,
     }
+}
+
+/// Sizes of the second order of the step `steps`, position and orientation: with axis z_k and
+/// motion v_k of the point per unit of joint k,
+///
+/// ```text
+/// sum over k of p_k w_k x v_k   and   1/2 sum over k of p_k w_k x z_k,
+/// w_k = p_k z_k / 2 + sum over j < k of p_j z_j
+/// ```
+#[inline(never)]
+fn curvature<T: Scalar>(columns: &[Twist<T>], steps: &[T]) -> [T; 2] {
+    let mut turned = Vector3::zeros();
+    let (mut position, mut orientation) = (Vector3::zeros(), Vector3::zeros());
+    let half = T::of(0.5);
+    // Not unrolled, as in `multipliers`.
+    let count = core::hint::black_box(columns.len());
+    for (column, &p) in columns.iter().zip(steps).take(count) {
+        let halfway = column.angular * (p * half);
+        turned += halfway;
+        position += cross(&turned, &column.linear) * p;
+        orientation += cross(&turned, &column.angular) * p;
+        turned += halfway;
+    }
+    let length = |v: &Vector3<T>| square(v).rough_root();
+    [length(&position), length(&orientation) * half]
 }
