@@ -140,12 +140,12 @@ pub struct Cost {
 /// Iterations after which the plain case is given up.
 pub const PLAIN_ITERATIONS: u32 = 4;
 
-/// Most cycles an instruction takes, averaged over any function of the loop
-/// (`docs/COST.md`: 2.4 where it is most, an iteration).
+/// Most cycles an instruction takes, averaged over any function of the loop. `tools/cost`
+/// measures it, writes it into `docs/COST.md` and fails where it is more.
 pub(crate) const CYCLES: u32 = 3;
 
-/// Most cycles that two instructions take over a compensation that is not plain (less than 4.5 by
-/// the model of `docs/COST.md`: steps along limits and evaluations).
+/// Most cycles that two instructions take over compensations that are not plain, which have more
+/// branches and fewer multiplications: measured and held likewise.
 const CYCLES_OF_TWO: u32 = 5;
 
 impl Cost {

@@ -150,8 +150,8 @@ pub enum Stage {
         /// Bytes announced.
         length: u32,
     },
-    /// The blob is there and will be decoded in the next call: the longest piece of work, see
-    /// `decode` in `docs/COST.md`.
+    /// The blob is there and will be checked in the next call: the longest piece of work, see
+    /// `poll_that_checks` in `docs/COST.md`.
     Checking,
     /// The blob is being kept.
     Saving,

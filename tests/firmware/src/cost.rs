@@ -17,11 +17,13 @@ use truepose::effects::{
     JointCurve, JointGain, KINDS, Selector, ThermalGrowth, Wish,
 };
 use truepose::jacobian::joint_column;
+use truepose::link::Stage;
 use truepose::{Frame, Method, Model, PreparedJoint, Room, Settings, forward, params};
 
 use crate::arm::{JOINTS, TRAVEL};
 use crate::draws::Draws;
 use crate::parameters::{RIGID, WITH_EFFECTS};
+use crate::transfer::Desk;
 
 /// Calls of each function.
 const CALLS: usize = 64;
@@ -34,12 +36,14 @@ pub mod measured {
     use truepose::budget::{Budget, NoClock};
     use truepose::compensate::{Compensator, Outcome, Request};
     use truepose::effects::Conditions;
+    use truepose::link::Event;
     use truepose::params::BlobError;
     use truepose::{
         BakedChain, Frame, Model, Pose, Prepared, PreparedJoint, Room, Scalar, forward, params,
     };
 
     use crate::arm::JOINTS;
+    use crate::transfer::Desk;
 
     /// Sine and cosine of one angle (rad).
     #[inline(never)]
@@ -137,6 +141,25 @@ pub mod measured {
     pub fn decode<'a>(blob: &'a [u8], model: &mut Model<'a, f32, JOINTS>) -> Result<(), BlobError> {
         params::decode_into(blob, model)
     }
+
+    /// A piece of the link's work.
+    #[inline(never)]
+    pub fn poll(desk: &mut Desk) -> Event {
+        desk.poll()
+    }
+
+    /// The piece that checks a blob. The result is hidden: two functions of the same code would
+    /// become one.
+    #[inline(never)]
+    pub fn poll_that_checks(desk: &mut Desk) -> Event {
+        core::hint::black_box(desk.poll())
+    }
+
+    /// No work at all. Hidden otherwise.
+    #[inline(never)]
+    pub fn idle_poll(desk: &mut Desk) -> Event {
+        core::hint::black_box(desk).poll()
+    }
 }
 
 fn joints(draws: &mut Draws) -> [f32; JOINTS] {
@@ -155,7 +178,29 @@ pub fn print(out: &mut dyn Write, clock: &impl Clock) -> fmt::Result {
     let mut decoded = Model::empty();
     measured::decode(black_box(RIGID), &mut decoded).map_err(|_| fmt::Error)?;
     black_box(&decoded);
+    link(out)?;
     effects(out, &model, clock)
+}
+
+fn link(out: &mut dyn Write) -> fmt::Result {
+    writeln!(
+        out,
+        "poll: a piece of the link's work, a blob coming and being kept in a flash that never waits"
+    )?;
+    writeln!(
+        out,
+        "poll_that_checks: the one piece that checks the blob that came, all but baking it"
+    )?;
+    writeln!(out, "idle_poll: nothing to do")?;
+    let mut desk = Desk::new()?;
+    desk.send(|desk, stage| match stage {
+        Stage::Checking => measured::poll_that_checks(black_box(desk)),
+        _ => measured::poll(black_box(desk)),
+    })?;
+    for _ in 0..CALLS {
+        black_box(measured::idle_poll(black_box(&mut desk)));
+    }
+    Ok(())
 }
 
 fn kinematics(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Result {

@@ -24,6 +24,7 @@ pub mod parameters;
 pub mod ram;
 #[cfg(target_os = "none")]
 pub mod tick;
+pub mod transfer;
 #[cfg(target_os = "none")]
 pub mod uart;
 pub mod worst;

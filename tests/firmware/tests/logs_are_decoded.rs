@@ -85,3 +85,35 @@ fn what_a_controller_meets_is_logged() -> Result<(), Box<dyn Error>> {
     assert_eq!(logged()?, expected);
     Ok(())
 }
+
+/// Functions and data of a program that belong to the logging.
+fn symbols_of_logs(program: &str) -> Result<usize, Box<dyn Error>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or(root.join("target"), PathBuf::from);
+    let program = target.join("thumbv7em-none-eabihf/release").join(program);
+    let run = Command::new("arm-none-eabi-nm").arg(program).output()?;
+    if !run.status.success() {
+        return Err(String::from_utf8_lossy(&run.stderr).into());
+    }
+    let symbols = String::from_utf8(run.stdout)?;
+    assert!(symbols.lines().count() > 100, "{symbols}");
+    let of_logs = |line: &&str| line.contains("defmt");
+    Ok(symbols.lines().filter(of_logs).count())
+}
+
+#[test]
+fn without_the_feature_nothing_of_it_is_linked() -> Result<(), Box<dyn Error>> {
+    // With it, to see that the search finds something.
+    logged()?;
+    assert!(symbols_of_logs("logs")? > 10);
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    // The loop, decoding, the link and a memory.
+    let built = Command::new("tools/cargo-thumb")
+        .args(["build", "--quiet", "--release"])
+        .args(["--package", "truepose-firmware", "--bin", "link"])
+        .current_dir(&root)
+        .status()?;
+    assert!(built.success(), "{built}");
+    assert_eq!(symbols_of_logs("link")?, 0);
+    Ok(())
+}
