@@ -215,7 +215,7 @@ impl Cost {
         let n = count(joints);
         Self {
             start: 800u32.saturating_add(n.saturating_mul(160)),
-            iteration: 540u32.saturating_add(n.saturating_mul(150)),
+            iteration: 540u32.saturating_add(n.saturating_mul(165)),
         }
     }
 

@@ -15,8 +15,9 @@
 //! of the equations that it solves: the second derivative of the tool point by the turns j
 //! and k >= j is not longer than the way from axis k to it, and that of the orientation is
 //! half the cross product of the axes. If this is below the tolerances, the step is the
-//! answer. Where it is not quite, the second order itself is worked out ([`curvature`]), and
-//! what is beyond it is at most `r s³ / 6` and `s³ / 6`.
+//! answer. Where it is not quite, the second order itself is worked out ([`curvature`]) and, if
+//! that is too much, taken away by a further step `t` with the same equations (Chebyshev's
+//! method). What is beyond it is at most `r b` and `b`, `b = (s + t)³ / 6 + t (s + t)`.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -60,6 +61,8 @@ pub(super) struct Work<T: Scalar, const N: usize> {
     columns: [Twist<T>; N],
     /// The last step of each joint, rad.
     steps: [T; N],
+    /// What is added to it, rad.
+    more: [T; N],
 }
 
 impl<T: Scalar, const N: usize> Default for Work<T, N> {
@@ -68,6 +71,7 @@ impl<T: Scalar, const N: usize> Default for Work<T, N> {
             turns: [[T::zero(); 2]; N],
             columns: [Twist::zero(); N],
             steps: [T::zero(); N],
+            more: [T::zero(); N],
         }
     }
 }
@@ -177,7 +181,7 @@ pub(super) struct Plain<T> {
     status: Status,
     iterations: u8,
     initial: Squares<T>,
-    remaining: Squares<T>,
+    remaining: PoseError<T>,
 }
 
 impl<T: Scalar> Plain<T> {
@@ -189,7 +193,7 @@ impl<T: Scalar> Plain<T> {
             status: self.status,
             iterations: self.iterations,
             initial: Some(self.initial.error()),
-            remaining: Some(self.remaining.error()),
+            remaining: Some(self.remaining),
             clamped: [false; N],
             task_point: None,
             cycles,
@@ -210,6 +214,14 @@ impl<T: Scalar> Squares<T> {
         Self {
             position: square(&e.linear),
             orientation: square(&e.angular),
+        }
+    }
+
+    #[inline(always)]
+    fn of_error(e: &PoseError<T>) -> Self {
+        Self {
+            position: e.position * e.position,
+            orientation: e.orientation * e.orientation,
         }
     }
 
@@ -253,6 +265,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             turns,
             columns,
             steps,
+            more,
         } = &mut self.work;
         let mut q = request.q;
         let mut iterations = 0;
@@ -288,13 +301,13 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             }
             before = merit;
             if now.below(&constants.tolerance) {
-                break (Status::Converged, now);
+                break (Status::Converged, now.error());
             }
             if iterations >= settings.max_iterations {
-                break (Status::IterationLimit, now);
+                break (Status::IterationLimit, now.error());
             }
             if !budget.fits(iteration_cycles) {
-                break (Status::OutOfBudget, now);
+                break (Status::OutOfBudget, now.error());
             }
             iterations += 1;
             let last = iterations >= settings.max_iterations;
@@ -344,21 +357,48 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
                 let pace =
                     |left: &Squares<T>| left.weighted(constants.weights) * T::of(16.0) <= before;
                 let mut left = bound(kept, [reach * quarter, quarter]);
+                let mut squares = Squares::of_error(&left);
                 let enough = if last {
-                    pace(&left)
+                    pace(&squares)
                 } else {
-                    left.below(&constants.tolerance)
+                    squares.below(&constants.tolerance)
                 };
                 if !enough {
-                    let [position, orientation] = curvature(columns, steps);
-                    let third = way * quarter * T::of(2.0 / 3.0);
+                    let second = curvature(columns, steps);
+                    let mut mixed = T::zero();
+                    let off_squares = Squares::of(&second);
+                    let mut off = off_squares.error();
+                    // What the second order leaves is taken away as well where it is too much.
+                    if !regulated
+                        && !off_squares.below(&constants.tolerance)
+                        && direct::step(columns, &second.scaled(-T::one()), more)
+                    {
+                        let mut further = T::zero();
+                        for ((q, step), &more) in q.iter_mut().zip(steps.iter_mut()).zip(&*more) {
+                            *q += more;
+                            *step += more;
+                            further += more.abs();
+                        }
+                        mixed = further * (way + further);
+                        way += further;
+                        travelled += further;
+                        off = PoseError {
+                            position: T::zero(),
+                            orientation: T::zero(),
+                        };
+                    }
+                    let beyond = way * way * way * T::of(1.0 / 6.0) + mixed;
                     left = bound(
                         kept,
-                        [position + constants.reach * third, orientation + third],
+                        [
+                            off.position + constants.reach * beyond,
+                            off.orientation + beyond,
+                        ],
                     );
+                    squares = Squares::of_error(&left);
                 }
-                if pace(&left) {
-                    if left.below(&constants.tolerance) {
+                if pace(&squares) {
+                    if squares.below(&constants.tolerance) {
                         break (Status::Converged, left);
                     }
                     if last {
@@ -406,23 +446,22 @@ fn undo<T: Scalar>(error: &mut Twist<T>, columns: &[Twist<T>], q: &[T], start: &
 /// What a step leaves at most: what was `kept` back of the equations, and how far the pose
 /// is `off` what they say.
 #[inline(always)]
-fn bound<T: Scalar>(kept: [T; 2], off: [T; 2]) -> Squares<T> {
-    let [position, orientation] = [kept[0] + off[0], kept[1] + off[1]];
-    Squares {
-        position: position * position,
-        orientation: orientation * orientation,
+fn bound<T: Scalar>(kept: [T; 2], off: [T; 2]) -> PoseError<T> {
+    PoseError {
+        position: kept[0] + off[0],
+        orientation: kept[1] + off[1],
     }
 }
 
-/// Sizes of the second order of the step `steps`, position and orientation: with axis z_k and
-/// motion v_k of the point per unit of joint k,
+/// The second order of the step `steps`: with axis z_k and motion v_k of the point per unit of
+/// joint k,
 ///
 /// ```text
 /// sum over k of p_k w_k x v_k   and   1/2 sum over k of p_k w_k x z_k,
 /// w_k = p_k z_k / 2 + sum over j < k of p_j z_j
 /// ```
 #[inline(never)]
-fn curvature<T: Scalar>(columns: &[Twist<T>], steps: &[T]) -> [T; 2] {
+fn curvature<T: Scalar>(columns: &[Twist<T>], steps: &[T]) -> Twist<T> {
     let mut turned = Vector3::zeros();
     let (mut position, mut orientation) = (Vector3::zeros(), Vector3::zeros());
     let half = T::of(0.5);
@@ -435,6 +474,5 @@ fn curvature<T: Scalar>(columns: &[Twist<T>], steps: &[T]) -> [T; 2] {
         orientation += cross(&turned, &column.angular) * p;
         turned += halfway;
     }
-    let length = |v: &Vector3<T>| square(v).rough_root();
-    [length(&position), length(&orientation) * half]
+    Twist::new(position, orientation * half)
 }

@@ -1,5 +1,6 @@
 //! A table of all methods from what the program `methods` printed on the emulated core, on
-//! standard input: `tools/methods` runs both.
+//! standard input, and the bytes of code that ran for each method, as arguments: `tools/methods`
+//! runs both.
 
 use std::error::Error;
 use std::io::read_to_string;
@@ -39,10 +40,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut before, mut lines) = (0.0_f64, text.lines());
     println!(
         "| method | position left, um: rms, most | orientation left, urad: rms, most | \
-         iterations | instructions: mean, most | tables in flash, bytes |\n\
-         | --- | --- | --- | --- | --- | --- |"
+         iterations | instructions: mean, most | code, bytes | tables, bytes |\n\
+         | --- | --- | --- | --- | --- | --- | --- |"
     );
+    let mut sizes = std::env::args().skip(1);
     for (method, through) in methods() {
+        let code = sizes.next().ok_or("too few sizes")?;
         let mut left = [Vec::new(), Vec::new()];
         let (mut iterations, mut instructions) = (Vec::new(), Vec::new());
         for q in requests() {
@@ -70,7 +73,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             Method::InverseJacobian | Method::Lqr | Method::TaskPoint => 0,
         };
         println!(
-            "| {}{} | {:.2}, {:.2} | {:.2}, {:.2} | {:.1} | {:.0}, {:.0} | {tables} |",
+            "| {}{} | {:.2}, {:.2} | {:.2}, {:.2} | {:.1} | {:.0}, {:.0} | {code} | {tables} |",
             method.name(),
             if through {
                 " through the analytic inverse"

@@ -18,7 +18,7 @@ use truepose::effects::{
 };
 use truepose::jacobian::joint_column;
 use truepose::link::Stage;
-use truepose::{Frame, Method, Model, PreparedJoint, Room, Settings, forward, params};
+use truepose::{Frame, Method, Model, PreparedJoint, Room, Settings, Twist, forward, params};
 
 use crate::arm::{JOINTS, TRAVEL};
 use crate::draws::Draws;
@@ -33,13 +33,16 @@ const POSES: usize = 1000;
 
 /// What is counted: each function's whole call, arguments already in place.
 pub mod measured {
+    use nalgebra::Vector3;
     use truepose::budget::{Budget, NoClock};
-    use truepose::compensate::{Compensator, Outcome, Request};
+    use truepose::compensate::{Compensator, Outcome, Request, lqr, wrist_jacobian};
     use truepose::effects::Conditions;
+    use truepose::jacobian::joint_column;
     use truepose::link::Event;
     use truepose::params::BlobError;
     use truepose::{
-        BakedChain, Frame, Model, Pose, Prepared, PreparedJoint, Room, Scalar, forward, params,
+        BakedChain, Frame, Model, Pose, Prepared, PreparedJoint, Room, Scalar, Twist, forward,
+        params,
     };
 
     use crate::arm::JOINTS;
@@ -136,6 +139,32 @@ pub mod measured {
         compensator.correct(&Request::joints(*q), &mut Budget::unlimited())
     }
 
+    /// A joint step that takes a tool displacement away, in closed form for a nominal arm with
+    /// a spherical wrist.
+    #[inline(never)]
+    pub fn wrist_step(
+        frames: &[Frame<f32>; JOINTS],
+        tool: &Vector3<f32>,
+        twist: &Twist<f32>,
+    ) -> Option<[f32; JOINTS]> {
+        wrist_jacobian::step(frames, tool, twist)
+    }
+
+    /// The same of any arm: all columns, and the damped solution.
+    #[inline(never)]
+    pub fn general_step(
+        chain: &BakedChain<f32, JOINTS>,
+        frames: &[Frame<f32>; JOINTS],
+        tool: &Vector3<f32>,
+        twist: &Twist<f32>,
+    ) -> [f32; JOINTS] {
+        let mut columns = [[0.0; 6]; JOINTS];
+        for ((column, joint), frame) in columns.iter_mut().zip(&chain.joints).zip(frames) {
+            *column = joint_column(joint.kind, frame, tool).rows();
+        }
+        lqr::corrections(&columns, &twist.rows(), &[0.0; JOINTS])
+    }
+
     /// The blob of a rigid arm, from bytes to the baked model.
     #[inline(never)]
     pub fn decode<'a>(blob: &'a [u8], model: &mut Model<'a, f32, JOINTS>) -> Result<(), BlobError> {
@@ -204,6 +233,14 @@ fn link(out: &mut dyn Write) -> fmt::Result {
 }
 
 fn kinematics(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Result {
+    writeln!(
+        out,
+        "wrist_step: a joint step in closed form, nominal frames of a spherical wrist given (MRD 5.45)"
+    )?;
+    writeln!(
+        out,
+        "general_step: the same of any arm: all columns and their damped solution"
+    )?;
     let mut draws = Draws::seeded(2);
     writeln!(out, "sine_and_cosine: of one angle, both")?;
     for _ in 0..CALLS {
@@ -224,6 +261,20 @@ fn kinematics(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Resul
             &mut frames,
         ));
         black_box(&frames);
+        let nominal = &model.nominal;
+        let tool = forward(&nominal.base, &nominal.joints, &q, &mut frames).then(&nominal.tool);
+        let off = Twist::new([1e-3, -2e-3, 1e-3].into(), [1e-3, 2e-3, -1e-3].into());
+        black_box(&measured::wrist_step(
+            black_box(&frames),
+            black_box(&tool.translation),
+            black_box(&off),
+        ));
+        black_box(&measured::general_step(
+            black_box(nominal),
+            black_box(&frames),
+            black_box(&tool.translation),
+            black_box(&off),
+        ));
     }
     Ok(())
 }

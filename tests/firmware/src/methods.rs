@@ -12,8 +12,9 @@ use core::fmt::{self, Write};
 
 use truepose::budget::{Budget, Clock};
 use truepose::compensate::spherical_wrist::SphericalWrist;
+use truepose::compensate::task_point::Inverse;
 use truepose::compensate::{Compensator, Outcome, Request};
-use truepose::{Method, Model, Pose, Settings, params};
+use truepose::{Method, Pose, Settings, params};
 
 use crate::arm::JOINTS;
 use crate::compensation::line;
@@ -43,30 +44,42 @@ pub fn requests() -> impl Iterator<Item = [f32; JOINTS]> {
     (0..REQUESTS).map(move |_| MIDDLE.map(|q| q + SIDE * draws.symmetric()))
 }
 
-fn answer(
-    model: &Model<'_, f32, JOINTS>,
-    (method, through): (Method, bool),
-    q: [f32; JOINTS],
+/// One answer of the method that is number `K` in [`methods`]: a function for each, so that
+/// `tools/methods` tells what code ran. Of another budget, or they would become one.
+#[inline(never)]
+fn answer<const K: u32>(
+    compensator: &mut Compensator<'_, f32, JOINTS>,
+    request: &Request<f32, JOINTS>,
+    inverse: Option<Inverse<'_, f32, JOINTS>>,
     clock: &impl Clock,
 ) -> Outcome<f32, JOINTS> {
-    let settings = Settings {
-        method,
-        ..model.settings
-    };
-    let mut compensator = Compensator::new(model).with_settings(settings);
-    let wrist = SphericalWrist::of(&model.nominal);
-    let inverse = |pose: &Pose<f32>, near: &[f32; JOINTS]| wrist.as_ref()?.inverse(pose, near);
-    let mut budget = Budget::cycles(clock, u32::MAX);
-    let inverse = through.then_some(&inverse as &dyn Fn(&_, &_) -> _);
-    compensator.correct_through(&Request::joints(q), inverse, &mut budget)
+    let mut budget = Budget::cycles(clock, u32::MAX - K);
+    compensator.correct_through(request, inverse, &mut budget)
 }
 
 /// Answers every request by every method, timed by `clock`.
 pub fn print(out: &mut dyn Write, clock: &impl Clock) -> fmt::Result {
     let model = params::decode::<f32, JOINTS>(TAUGHT).map_err(|_| fmt::Error)?;
-    for method in methods() {
+    let wrist = SphericalWrist::of(&model.nominal);
+    let inverse = |pose: &Pose<f32>, near: &[f32; JOINTS]| wrist.as_ref()?.inverse(pose, near);
+    for (number, (method, through)) in methods().enumerate() {
+        let settings = Settings {
+            method,
+            ..model.settings
+        };
+        let inverse = through.then_some(&inverse as &dyn Fn(&_, &_) -> _);
         for q in requests() {
-            line(out, &answer(&model, method, q, clock))?;
+            let mut compensator = Compensator::new(&model).with_settings(settings);
+            let request = Request::joints(q);
+            let answer = match number {
+                0 => answer::<0>,
+                1 => answer::<1>,
+                2 => answer::<2>,
+                3 => answer::<3>,
+                4 => answer::<4>,
+                _ => answer::<5>,
+            };
+            line(out, &answer(&mut compensator, &request, inverse, clock))?;
         }
     }
     Ok(())
