@@ -49,15 +49,17 @@ pub fn corrections<T: Scalar, const N: usize>(
 /// 0 in the middle, rising from 0 to 1 over the last fiftieth of the travel before a limit,
 /// in place of the book's inverse distance, which has no bound. (That the price also grows
 /// near singularities is the same for all methods.)
-pub(super) fn prices<T: Scalar, const N: usize>(
+#[inline(never)]
+pub(super) fn prices<T: Scalar>(
     gamma: T,
-    q: &[T; N],
-    joints: &[BakedJoint<T>; N],
-    limits: &[[T; 2]; N],
-) -> [T; N] {
-    let mut prices = [gamma; N];
+    q: &[T],
+    joints: &[BakedJoint<T>],
+    limits: &[[T; 2]],
+    prices: &mut [T],
+) {
     let places = q.iter().zip(joints).zip(limits);
     for (price, ((&q, joint), &[low, high])) in prices.iter_mut().zip(places) {
+        *price = gamma;
         let range = high - low;
         let margin = range * T::of(MARGIN);
         let (below, above) = (q - low, high - q);
@@ -71,5 +73,4 @@ pub(super) fn prices<T: Scalar, const N: usize>(
             *price /= range * range;
         }
     }
-    prices
 }

@@ -329,12 +329,11 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         let settings = &self.settings;
         let mut effort = [T::zero(); N];
         if settings.method == Method::Lqr {
-            effort = lqr::prices(
-                settings.effort,
-                &start,
-                &self.model.calibrated.joints,
-                &self.model.limits,
-            );
+            let Model {
+                calibrated, limits, ..
+            } = self.model;
+            let gamma = settings.effort;
+            lqr::prices(gamma, &start, &calibrated.joints, limits, &mut effort);
         }
         let room = self.room(&start);
         let mut descent = Descent {
@@ -421,6 +420,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
     }
 
     /// The command `q` as it is.
+    #[inline(never)]
     fn unchanged<C: Clock>(
         &self,
         q: [T; N],

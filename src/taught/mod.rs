@@ -104,7 +104,7 @@ impl<T: Scalar> Region<T> {
 
     /// Where the inputs `q` (rad or m) lie; `None` where nothing counts, which NaN does not
     /// either.
-    #[inline]
+    #[inline(never)]
     pub fn place(&self, q: &[T]) -> Option<Place<T>> {
         let mut place = Place {
             x: [T::zero(); MAX_INPUTS],
