@@ -122,27 +122,30 @@ impl<T: Scalar, const N: usize> Constants<T, N> {
         })
     }
 
-    /// Whether the ways from `start` to `q` are inside the travel, and where there is a
-    /// regulator their starts outside the margins.
+    /// Whether the command `q` is clear of a regulator's margins, if there is one.
+    #[inline(always)]
+    fn clear_of_margins(&self, q: &[T; N]) -> bool {
+        if self.margin.is_zero() {
+            return true;
+        }
+        let inner = T::one() - self.margin;
+        let mut clear = true;
+        for (&q, &[middle, half]) in q.iter().zip(&self.travel) {
+            // NaN is not clear.
+            clear &= (q - middle).abs() < half * inner;
+        }
+        clear
+    }
+
+    /// Whether the ways from `start` to `q` are inside the travel.
     #[inline(always)]
     fn inside(&self, q: &[T; N], start: &[T; N]) -> bool {
-        let inner = T::one() - self.margin;
         let mut inside = true;
         for ((&q, &start), &[middle, half]) in q.iter().zip(start).zip(&self.travel) {
             // Both ends are inside then; NaN is outside.
-            inside &= (q - middle).abs() + (q - start).abs() < half * inner;
+            inside &= (q - middle).abs() + (q - start).abs() < half;
         }
-        inside || !self.margin.is_zero() && self.barely_inside(q, start)
-    }
-
-    /// The same with a regulator, where it ends in a margin or not far from one.
-    #[inline(never)]
-    fn barely_inside(&self, q: &[T; N], start: &[T; N]) -> bool {
-        let inner = T::one() - self.margin;
-        let mut joints = q.iter().zip(start).zip(&self.travel);
-        joints.all(|((&q, &start), &[middle, half])| {
-            (start - middle).abs() < half * inner && (q - middle).abs() < half
-        })
+        inside
     }
 }
 
@@ -258,6 +261,9 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
         let constants = self.constants.as_ref()?;
         let settings = &self.settings;
         let chain = &self.model.calibrated;
+        if !constants.clear_of_margins(&request.q) {
+            return None;
+        }
         let target = without(desired, &chain.base, &chain.tool);
         let tip = &chain.tool.translation;
         let regulated = !constants.priced.is_zero();

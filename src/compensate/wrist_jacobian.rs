@@ -14,8 +14,10 @@
 //! its own, and holds for every arm of the kind, whatever its offsets and twists.
 //!
 //! The book's compensation by the nominal Jacobian takes this and no more. The compensators use
-//! the calibrated Jacobian, whose axes do not meet. This one is for controllers that have nominal
-//! frames only, as `tests/elbow_arm.rs` shows.
+//! the calibrated Jacobian, whose axes do not meet, by the same blocks: [`super::direct`] takes
+//! 28 instructions more than this on a Cortex-M4F and leaves the error squared, this one the
+//! error times the deviations. It is for controllers that have nominal frames only, as
+//! `tests/elbow_arm.rs` shows.
 
 use nalgebra::Vector3;
 
@@ -31,7 +33,7 @@ use crate::{Scalar, Twist};
 /// e of its length the step is off by the same part. `None` at a singular configuration, where
 /// a denominator is zero or the step not finite.
 ///
-/// About 150 multiplications and 110 additions, 8 divisions.
+/// Cost: `wrist_step` in `docs/COST.md`, of any arm by damped normal equations `general_step`.
 pub fn step<T: Scalar>(
     frames: &[Frame<T>; 6],
     tool: &Vector3<T>,
