@@ -1,7 +1,6 @@
 //! The next effect: significant among all candidates, better on held-back rows, sensible.
 
-use std::ops::Range;
-
+use nalgebra::DMatrix;
 use truepose::JointKind;
 use truepose::effects::KINDS;
 
@@ -12,6 +11,7 @@ use super::hypothesis::{Hypothesis, Members, curves};
 use super::model::Extended;
 use super::search::{ALPHA, Ranked, Search, Step};
 use super::sensible::sensible;
+use super::smoothness::Evidence;
 use super::space::{Space, columns};
 use super::validate::{Comparison, HeldBack};
 use crate::identify::Failure;
@@ -23,9 +23,24 @@ const SHORTLIST: usize = 100;
 /// Of these, significant ones that are tried before the search gives up.
 const TRIES: usize = 40;
 
+/// Functions of one joint's reading that a curve has to predict better than, all together.
+const FEW: usize = 3;
+
 /// Angles of blocks in joint space may be angles that the rest of the rows do not show, and
 /// there a curve says nothing: it may not be worse there, by this many standard errors.
 const UNSEEN: f64 = -1.0;
+
+/// A joint's curve as smooth as is likeliest.
+struct Smoothed {
+    curve: Hypothesis,
+    smooth: Smoothness,
+    /// Columns of its amplitudes.
+    columns: DMatrix<f64>,
+    /// Logarithm of the likelihood of what was measured, over that without it.
+    worth: f64,
+    /// Share of the squared residual that it takes.
+    share: f64,
+}
 
 impl Search<'_> {
     /// The best candidate that is significant among all, lowers the held-back error, and has
@@ -145,7 +160,26 @@ impl Search<'_> {
                 }
             }
             let found = step(k, &seen);
-            let curve = self.curve_instead(model, candidate, &linear, &space, &seen[0]);
+            let of_reading: Vec<&Hypothesis> = candidates
+                .iter()
+                .filter(|h| h.joint == candidate.joint && is_of_reading(h))
+                .collect();
+            let curve = self.curve_instead(model, candidate, &linear, &space, &of_reading);
+            if curve.is_some() {
+                // what gravity does to a joint is nearly a function of its reading: a curve
+                // would swallow it
+                let on_joint = |h: &Hypothesis| {
+                    matches!(h.kind, "joint-compliance" | "tool-load")
+                        && acts_on(h, candidate.joint)
+                };
+                for &g in ready.iter().filter(|&&g| on_joint(&candidates[order[g]])) {
+                    if let Some((_, seen)) = held(g)
+                        && with(&candidates[order[g]]).is_some()
+                    {
+                        return Ok(Some(step(g, &seen)));
+                    }
+                }
+            }
             return Ok(Some(match curve {
                 Some((hypothesis, held_back)) => Step {
                     hypothesis,
@@ -158,75 +192,114 @@ impl Search<'_> {
         Ok(self.best_curve(model, &linear, &space))
     }
 
-    /// A joint's curve in place of a function of the same joint's reading, where it predicts
-    /// held-back rows better.
+    /// A joint's curve in place of `candidate`, a function of the same joint's reading, where it
+    /// predicts held-back rows better than the best few such functions together: a curve is free
+    /// to be any of them.
     fn curve_instead(
         &self,
         model: &Extended,
         candidate: &Hypothesis,
         linear: &Linear,
         space: &Space,
-        rival: &Comparison,
+        of_reading: &[&Hypothesis],
     ) -> Option<(Hypothesis, [f64; 3])> {
-        let of_reading = matches!(
-            candidate.kind,
-            "gear-eccentricity" | "joint-gain" | "gear-ripple"
-        );
-        if !of_reading {
+        if !is_of_reading(candidate) {
             return None;
         }
-        let (curve, [at_random, in_time, in_space]) =
-            self.smoothed(model, candidate, linear, space)?;
-        let against = Comparison {
-            without: rival.with.clone(),
-            with: at_random.with.clone(),
-        };
+        let found = self.smoothed(model, candidate, linear, space)?;
+        let [at_random, in_time, in_space] = self.held_back_from(&found, linear);
         let ratios = [at_random.ratio(), in_time.ratio(), in_space.ratio()];
-        (against.t() > 2.0 && ratios[1] < 1.0 && in_space.t() > UNSEEN).then_some((curve, ratios))
+        let holds = at_random.t() > 2.0 && ratios[1] < 1.0 && in_space.t() > UNSEEN;
+        let against = Comparison {
+            without: self.few(model, linear, of_reading),
+            with: at_random.with,
+        };
+        (holds && against.t() > 2.0).then_some((found.curve, ratios))
     }
 
-    /// The curve of a joint where nothing else passes: hats far apart have to be significant,
-    /// and the curve has to hold on rows that it has not seen.
+    /// Squared errors of rows held back at random with the best few of `hypotheses`, chosen one
+    /// by one.
+    fn few(&self, model: &Extended, linear: &Linear, hypotheses: &[&Hypothesis]) -> Vec<f64> {
+        let all = columns(&model.arm, hypotheses, &self.observations, self.sigmas);
+        let mut base = linear.jacobian.clone();
+        let mut left: Vec<usize> = (0..hypotheses.len()).collect();
+        let mut errors: Option<Vec<f64>> = None;
+        for _ in 0..FEW {
+            let extra = all.select(&left);
+            let fold = &self.folds[0][0];
+            let rows = &self.observations;
+            let held_back = HeldBack::new(rows, fold, &base, &extra.matrix, &linear.residual);
+            let tried = extra.groups.iter().map(|&(start, len)| {
+                let seen = held_back.compare(start..start + len, None);
+                (seen.with.iter().sum::<f64>(), seen)
+            });
+            let best = tried
+                .enumerate()
+                .min_by(|(_, a), (_, b)| a.0.total_cmp(&b.0));
+            let Some((place, (_, seen))) = best.filter(|(_, (_, seen))| seen.t() > 1.0) else {
+                break;
+            };
+            let (start, len) = extra.groups[place];
+            let chosen = extra.matrix.columns(start, len);
+            let width = base.ncols();
+            base = base.resize_horizontally(width + len, 0.0);
+            base.columns_mut(width, len).copy_from(&chosen);
+            left.remove(place);
+            errors = Some(seen.with);
+        }
+        errors.unwrap_or_else(|| {
+            let fold = &self.folds[0][0];
+            let none = DMatrix::zeros(linear.residual.len(), 0);
+            HeldBack::new(&self.observations, fold, &base, &none, &linear.residual)
+                .compare(0..0, None)
+                .with
+        })
+    }
+
+    /// The curve of a joint where nothing else passes: likelier than none by what its two
+    /// constants would gain where there is none (chi-square with 2 degrees at most: the chance of
+    /// a likelihood ratio L is 1 / L), and it has to hold on rows that it has not seen.
     fn best_curve(&self, model: &Extended, linear: &Linear, space: &Space) -> Option<Step> {
         let candidates = curves(&model.arm, KINDS.len());
-        let references: Vec<&Hypothesis> = candidates.iter().collect();
-        let columns = columns(&model.arm, &references, &self.observations, self.sigmas);
-        let scores = space.scores(&columns);
-        let mut order: Vec<usize> = (0..candidates.len())
-            .filter(|&i| scores[i].ln_p - candidates[i].ln_weight < ALPHA.ln())
-            .collect();
-        order.sort_by(|&a, &b| scores[a].ln_p.total_cmp(&scores[b].ln_p).then(a.cmp(&b)));
-        let ranking: Vec<Ranked> = order
+        let smoothed = candidates.iter().filter_map(|candidate| {
+            let found = self.smoothed(model, candidate, linear, space)?;
+            let ln_p = -found.worth - candidate.ln_weight;
+            (ln_p < ALPHA.ln()).then_some((found, ln_p))
+        });
+        let mut significant: Vec<(Smoothed, f64)> = smoothed.collect();
+        // stable: joints of equal chance stay in their order
+        significant.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let ranking: Vec<Ranked> = significant
             .iter()
-            .map(|&i| Ranked {
-                label: candidates[i].label(),
-                ln_p: scores[i].ln_p - candidates[i].ln_weight,
-                share: scores[i].reduction / space.rss,
+            .map(|(found, ln_p)| Ranked {
+                label: found.curve.label(),
+                ln_p: *ln_p,
+                share: found.share,
             })
             .collect();
-        order.iter().find_map(|&i| {
-            let (hypothesis, held_back) = self.smoothed(model, &candidates[i], linear, space)?;
-            let ratios = [0, 1, 2].map(|b| held_back[b].ratio());
-            let [at_random, _, in_space] = &held_back;
+        significant.into_iter().find_map(|(found, ln_p)| {
+            let seen = self.held_back_from(&found, linear);
+            let ratios = [0, 1, 2].map(|b| seen[b].ratio());
+            let [at_random, _, in_space] = &seen;
             let holds = at_random.t() > 2.0 && ratios[1] < 1.0 && in_space.t() > UNSEEN;
             holds.then(|| Step {
-                hypothesis,
-                ln_p: scores[i].ln_p - candidates[i].ln_weight,
+                hypothesis: found.curve,
+                ln_p,
                 held_back: Some(ratios),
                 ranking: ranking.clone(),
             })
         })
     }
 
-    /// The curve of the candidate's joint, as smooth as random folds want it, and what it does
-    /// to held-back rows; `None` where there is one already or the joint does not turn.
+    /// The curve of the candidate's joint, as smooth as is likeliest; `None` where there is one
+    /// already or the joint does not turn.
     fn smoothed(
         &self,
         model: &Extended,
         candidate: &Hypothesis,
         linear: &Linear,
         space: &Space,
-    ) -> Option<(Hypothesis, [Comparison; 3])> {
+    ) -> Option<Smoothed> {
         let joint = candidate.joint?;
         let has = |h: &Hypothesis| h.kind == "joint-curve" && h.joint == Some(joint);
         let turns = model.arm.joints[joint].kind == JointKind::Revolute;
@@ -235,20 +308,8 @@ impl Search<'_> {
         }
         let cells = curve::columns(&model.arm, joint, &self.observations, self.sigmas);
         let extra = cells * curve::waves();
-        let all = 0..extra.ncols();
-        let held_back = |b: usize| {
-            HeldBack::new(
-                &self.observations,
-                &self.folds[0][b],
-                &linear.jacobian,
-                &extra,
-                &space.residual,
-            )
-        };
-        let at_random = held_back(0);
-        let (smooth, at_random) = smoothest(&at_random, all.clone(), Smoothness::FIRST);
-        let prior = curve::precision_of_waves(smooth);
-        let [in_time, in_space] = [1, 2].map(|b| held_back(b).compare(all.clone(), Some(&prior)));
+        let evidence = Evidence::new(&linear.jacobian, &extra, &linear.residual, space.freedom)?;
+        let (smooth, worth) = evidence.likeliest(Smoothness::FIRST);
         let curve = Hypothesis {
             kind: "joint-curve",
             joint: Some(joint),
@@ -257,40 +318,44 @@ impl Search<'_> {
             members: Members::Curve(smooth),
             ln_weight: candidate.ln_weight,
         };
-        Some((curve, [at_random, in_time, in_space]))
+        Some(Smoothed {
+            curve,
+            smooth,
+            worth,
+            share: evidence.share(smooth),
+            columns: extra,
+        })
+    }
+
+    /// What a curve does to rows held back at random, in blocks of time, in blocks of joint space.
+    fn held_back_from(&self, found: &Smoothed, linear: &Linear) -> [Comparison; 3] {
+        let prior = curve::precision_of_waves(found.smooth);
+        [0, 1, 2].map(|b| {
+            let held_back = HeldBack::new(
+                &self.observations,
+                &self.folds[0][b],
+                &linear.jacobian,
+                &found.columns,
+                &linear.residual,
+            );
+            held_back.compare(0..found.columns.ncols(), Some(&prior))
+        })
     }
 }
 
-/// The smoothness at which a curve predicts held-back rows best, from `first` on, and what it
-/// does to them.
-pub(super) fn smoothest(
-    held_back: &HeldBack<'_>,
-    columns: Range<usize>,
-    first: Smoothness,
-) -> (Smoothness, Comparison) {
-    let tried = |smooth: Smoothness| {
-        let prior = curve::precision_of_waves(smooth);
-        (smooth, held_back.compare(columns.clone(), Some(&prior)))
-    };
-    let mut best = tried(first);
-    let mut seen = vec![first];
-    loop {
-        let mut better = false;
-        for smooth in best.0.neighbours() {
-            if seen.contains(&smooth) {
-                continue;
-            }
-            seen.push(smooth);
-            let trial = tried(smooth);
-            if trial.1.ratio() < best.1.ratio() {
-                best = trial;
-                better = true;
-                break;
-            }
-        }
-        if !better {
-            return best;
-        }
+/// A function of the joint's reading and of nothing else.
+fn is_of_reading(hypothesis: &Hypothesis) -> bool {
+    matches!(
+        hypothesis.kind,
+        "gear-eccentricity" | "joint-gain" | "gear-ripple"
+    )
+}
+
+/// Whether one of its effects moves the joint.
+fn acts_on(hypothesis: &Hypothesis, joint: Option<usize>) -> bool {
+    match &hypothesis.members {
+        Members::Effects(effects) => effects.iter().any(|e| e.model().joint() == joint),
+        Members::EarlyReading | Members::Curve(_) => false,
     }
 }
 

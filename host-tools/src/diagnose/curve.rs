@@ -49,13 +49,18 @@ impl Smoothness {
         order: 12.0,
     };
 
-    /// Those that are tried next to this one.
-    pub fn neighbours(self) -> [Self; 4] {
+    /// Those next to this one, by these factors.
+    pub fn neighbours(self, value: f64, order: f64) -> [Self; 4] {
         let of = |value: f64, order: f64| Self {
-            value: (self.value * value).clamp(VALUE / 16.0, VALUE * 16.0),
+            value: (self.value * value).clamp(VALUE / 64.0, VALUE * 16.0),
             order: (self.order * order).clamp(4.0, 27.0),
         };
-        [of(2.0, 1.0), of(0.5, 1.0), of(1.0, 1.5), of(1.0, 1.0 / 1.5)]
+        [
+            of(value, 1.0),
+            of(1.0 / value, 1.0),
+            of(1.0, order),
+            of(1.0, 1.0 / order),
+        ]
     }
 
     /// Standard deviation of second differences of the cells, rad.

@@ -2,11 +2,12 @@
 
 use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
+use super::rivals::squares;
 use super::search::{ALPHA, Search};
 use super::sensible::sensible;
 use super::space::{Score, columns};
 use super::unnamed::{offered, terms};
-use super::validate::{Blocks, HeldBack};
+use super::validate::{Blocks, Comparison, HeldBack};
 use crate::identify::Failure;
 
 /// Rivals that explain the rows this much worse (difference in BIC) cannot be ruled out.
@@ -32,6 +33,8 @@ pub struct Substitute {
     pub score: Score,
     /// Largest cosine between it and what it replaces, beyond what the model has.
     pub similarity: f64,
+    /// Smallest cosine: from here on every direction of the one is one of the other.
+    pub sameness: f64,
 }
 
 /// Rivals of an accepted hypothesis.
@@ -51,7 +54,10 @@ impl Search<'_> {
         for _ in 0..EXCHANGES {
             match self.exchange_once(&model) {
                 Some(better) => model = better,
-                None => break,
+                None => match self.pair_instead(&model) {
+                    Some(better) => model = better,
+                    None => break,
+                },
             }
         }
         model
@@ -92,7 +98,7 @@ impl Search<'_> {
             if let Some(best) = best.filter(|s| gain(s) > 0.0) {
                 let mut exchanged = model.accepted.clone();
                 exchanged[index] = best.hypothesis.clone();
-                if self.predicts_more(&rivals.without, &best.hypothesis, accepted)
+                if self.predicts_more(&rivals.without, &[&best.hypothesis], &[accepted])
                     && let Ok(trial) = self.fit(&model.arm, exchanged)
                     && sensible(&trial, index)
                     && trial.fit.cost < model.fit.cost
@@ -105,24 +111,35 @@ impl Search<'_> {
     }
 
     /// Whether rows held back at random and in blocks of joint space are predicted better with
-    /// `one` than with `other` in addition to the model. Rows that a fit has seen cannot tell:
+    /// `these` than with `those` in addition to the model. Rows that a fit has seen cannot tell:
     /// what has more parameters imitates what nobody has named.
-    fn predicts_more(&self, model: &Extended, one: &Hypothesis, other: &Hypothesis) -> bool {
+    pub(super) fn predicts_more(
+        &self,
+        model: &Extended,
+        these: &[&Hypothesis],
+        those: &[&Hypothesis],
+    ) -> bool {
         let (linear, space) = model.space(&self.observations, self.sigmas);
-        let both = columns(&model.arm, &[one, other], &self.observations, self.sigmas);
-        let error = |k: usize| {
-            let extra = both.select(&[k]).matrix;
+        let error = |hypotheses: &[&Hypothesis]| {
+            let extra = columns(&model.arm, hypotheses, &self.observations, self.sigmas).matrix;
             [Blocks::Random, Blocks::Space].map(|blocks| {
                 let fold = &self.folds[0][blocks as usize];
                 let rows = &self.observations;
                 let held_back =
                     HeldBack::new(rows, fold, &linear.jacobian, &extra, &space.residual);
-                let seen = held_back.compare(0..extra.ncols(), None);
-                seen.with.iter().sum::<f64>()
+                held_back.compare(0..extra.ncols(), None).with
             })
         };
-        let ([at_random, in_space], [other_at_random, other_in_space]) = (error(0), error(1));
-        at_random < other_at_random && in_space < other_in_space
+        let ([at_random, in_space], [other_at_random, other_in_space]) =
+            (error(these), error(those));
+        let more = |with: &[f64], without: &[f64]| with.iter().sum::<f64>() < without.iter().sum();
+        let more = more(&at_random, &other_at_random) && more(&in_space, &other_in_space);
+        // gravity on joints, which engineers expect, gives way as it comes in: where rows tell
+        let against = Comparison {
+            without: other_at_random,
+            with: at_random,
+        };
+        more && (against.t() > 2.0 || !those.iter().any(|h| is_gravity_on_joints(h)))
     }
 
     /// What else could stand in the place of an accepted hypothesis. `nameless`: terms without
@@ -147,7 +164,16 @@ impl Search<'_> {
         let columns = columns(&without.arm, &references, &self.observations, self.sigmas);
         let scores = space.scores(&columns);
         let last = candidates.len() - 1;
-        let own = scores[last];
+        let own = match model.arm.curves.is_empty() {
+            true => scores[last],
+            // curves give way to what comes in: only a fit tells what it is worth beside them
+            false => {
+                let rss = squares(self, &without);
+                let unknowns = |model: &Extended| model.fit.unknowns.len();
+                let more = unknowns(model).saturating_sub(unknowns(&without));
+                space.judge_from(rss, rss - squares(self, model), more as f64)
+            }
+        };
         let own_columns = columns.select(&[last]).matrix;
         let mut order: Vec<usize> = (0..last).collect();
         order.sort_by(|&a, &b| scores[b].gain.total_cmp(&scores[a].gain).then(a.cmp(&b)));
@@ -157,10 +183,14 @@ impl Search<'_> {
             .iter()
             .enumerate()
             .filter(close)
-            .map(|(_, &i)| Substitute {
-                hypothesis: candidates[i].clone(),
-                score: scores[i],
-                similarity: space.similarity(&own_columns, &columns.select(&[i]).matrix),
+            .map(|(_, &i)| {
+                let cosines = space.cosines(&own_columns, &columns.select(&[i]).matrix);
+                Substitute {
+                    hypothesis: candidates[i].clone(),
+                    score: scores[i],
+                    similarity: cosines.first().copied().unwrap_or(0.0),
+                    sameness: cosines.last().copied().unwrap_or(0.0),
+                }
             })
             .collect();
         Ok(Substitutes {
@@ -169,4 +199,9 @@ impl Search<'_> {
             without,
         })
     }
+}
+
+/// Joints that yield under gravity, one or all.
+fn is_gravity_on_joints(hypothesis: &Hypothesis) -> bool {
+    hypothesis.kind == "joint-compliance"
 }

@@ -150,6 +150,8 @@ struct Conditions {
     /// Temperature sensors that change.
     sensors: Vec<u8>,
     time: Option<[f64; 2]>,
+    /// Times between rows, as many rows between each two.
+    between: Vec<f64>,
     order: bool,
 }
 
@@ -176,10 +178,25 @@ fn conditions(arm: &ArmModel, observations: &[&Observation]) -> Conditions {
             .filter_map(|s| u8::try_from(s).ok())
             .collect(),
         time: (high > low).then_some([low, high]),
+        between: between(observations),
         order: observations
             .iter()
             .any(|o| o.travel.iter().any(|d| d.abs() > 0.0)),
     }
+}
+
+/// Times at which a step is tried: between rows, since no row can tell where in a pause it was.
+fn between(observations: &[&Observation]) -> Vec<f64> {
+    let times = observations.iter().map(|o| o.ambient.time);
+    let mut times: Vec<f64> = times.filter(|t| t.is_finite()).collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    let gaps: Vec<f64> = times.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect();
+    let count = STEPS.min(gaps.len());
+    let place = |i: usize| (2 * i + 1) * gaps.len() / (2 * count);
+    (0..count)
+        .filter_map(|i| gaps.get(place(i)).copied())
+        .collect()
 }
 
 /// Every hypothesis that these rows allow, one entry each.
@@ -420,9 +437,7 @@ fn constants(kind: &Kind, conditions: &Conditions) -> Vec<Option<f64>> {
     };
     let span = high - low;
     match kind.name {
-        "step-change" => (1..=STEPS)
-            .map(|i| Some(low + span * i as f64 / (STEPS + 1) as f64))
-            .collect(),
+        "step-change" => conditions.between.iter().map(|&t| Some(t)).collect(),
         "warm-up" => [0.03, 0.06, 0.12, 0.25, 0.5]
             .iter()
             .map(|f| Some(span * f))

@@ -4,20 +4,22 @@
 use nalgebra::DVector;
 use truepose::effects::{Effect, Factor, Shape, Variable};
 
-use super::addition::smoothest;
 use super::curve;
 use super::hypothesis::Members;
 use super::model::Extended;
 use super::search::Search;
-use super::validate::HeldBack;
+use super::smoothness::Evidence;
+use super::space::Space;
 
 /// Steps in time that are tried at most around the best of the grid.
 const TIMES: usize = 40;
 
-/// Factors on a time constant that are tried, in two rounds.
-const FACTORS: [&[f64]; 2] = [
+/// Factors on a time constant that are tried, each round finer than the last.
+const FACTORS: [&[f64]; 4] = [
     &[0.45, 0.6, 0.8, 1.25, 1.6, 2.2],
-    &[0.85, 0.92, 0.96, 1.04, 1.09, 1.18],
+    &[0.85, 0.92, 1.09, 1.18],
+    &[0.94, 0.97, 1.03, 1.06],
+    &[0.98, 0.99, 1.01, 1.02],
 ];
 
 /// Moves every such constant of the model to where the fit is best.
@@ -64,16 +66,13 @@ fn smoothed(search: &Search<'_>, model: Extended, index: usize) -> Extended {
     let values = DVector::from_iterator(curve.values.len(), finite);
     let linear = model.linear(&search.observations, search.sigmas);
     let cells = curve::columns(&model.arm, joint, &search.observations, search.sigmas);
-    let residual = linear.residual + &cells * values;
+    let residual = &linear.residual + &cells * values;
     let extra = cells * curve::waves();
-    let held_back = HeldBack::new(
-        &search.observations,
-        &search.folds[0][0],
-        &linear.jacobian,
-        &extra,
-        &residual,
-    );
-    let (smooth, _) = smoothest(&held_back, 0..extra.ncols(), *present);
+    let freedom = Space::new(&linear, &search.observations).freedom;
+    let Some(evidence) = Evidence::new(&linear.jacobian, &extra, &residual, freedom) else {
+        return model;
+    };
+    let (smooth, _) = evidence.likeliest(*present);
     if smooth == *present {
         return model;
     }

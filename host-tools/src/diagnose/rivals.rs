@@ -39,6 +39,14 @@ pub(super) fn rivals(search: &Search<'_>, model: &Extended, index: usize) -> Vec
     // another time of the same step, the group of the same joint: no other explanation
     let mut others = substitutes.others;
     others.retain(|other| !overlaps(known, &other.hypothesis));
+    // of one rival with several constants the best
+    let mut seen: Vec<String> = Vec::new();
+    others.retain(|other| {
+        let label = other.hypothesis.label();
+        let new = !seen.contains(&label);
+        seen.push(label);
+        new
+    });
     if model.arm.curves.is_empty() {
         return others
             .into_iter()
@@ -50,7 +58,7 @@ pub(super) fn rivals(search: &Search<'_>, model: &Extended, index: usize) -> Vec
             .collect();
     }
     others.truncate(FITTED);
-    let beside = |other: Substitute| beside_curves(search, model, index, own.directions, other);
+    let beside = |other: Substitute| beside_curves(search, model, index, other);
     let mut rivals: Vec<Rival> = others.into_iter().filter_map(beside).collect();
     rivals.sort_by(|a, b| a.delta_bic.total_cmp(&b.delta_bic));
     let mut place = 0;
@@ -67,24 +75,29 @@ fn beside_curves(
     search: &Search<'_>,
     model: &Extended,
     index: usize,
-    directions: f64,
     other: Substitute,
 ) -> Option<Rival> {
     let mut accepted = model.accepted.clone();
     accepted[index] = other.hypothesis.clone();
     let trial = search.fit(&model.arm, accepted).ok()?;
-    let equations = search.observations.iter().map(|o| o.equations().min(6));
-    let n = equations.sum::<usize>() as f64;
-    let ratio = squares(search, &trial) / squares(search, model).max(f64::MIN_POSITIVE);
     Some(Rival {
-        delta_bic: n * ratio.ln() + (other.score.directions - directions) * n.ln(),
+        delta_bic: bic(search, &trial) - bic(search, model),
         hypothesis: other.hypothesis,
         similarity: other.similarity,
     })
 }
 
+/// N ln RSS + k ln N of a fitted model, the curves' prior included; a constant that is refined is
+/// none of its k unknowns.
+pub(super) fn bic(search: &Search<'_>, model: &Extended) -> f64 {
+    let equations = search.observations.iter().map(|o| o.equations().min(6));
+    let n = equations.sum::<usize>() as f64;
+    n * squares(search, model).max(f64::MIN_POSITIVE).ln()
+        + model.fit.unknowns.len() as f64 * n.ln()
+}
+
 /// Squared residual and what the curves' prior adds.
-fn squares(search: &Search<'_>, model: &Extended) -> f64 {
+pub(super) fn squares(search: &Search<'_>, model: &Extended) -> f64 {
     let residual = residuals(&model.arm, &search.observations, search.sigmas);
     let smoothness = model.accepted.iter().filter_map(|h| match h.members {
         Members::Curve(smooth) => Some(smooth),

@@ -108,9 +108,11 @@ impl<'a> Search<'a> {
     /// The residual's own size is the yardstick at every step: where much is missing, a
     /// direction that the instrument could see is still drowned by what is missing.
     pub fn run(&mut self, arm: &ArmModel, progress: &dyn Fn(&str)) -> Result<Found, Failure> {
-        let mut model = self.fit(arm, Vec::new())?;
-        self.weigh(&model);
+        let model = self.fit(arm, Vec::new())?;
+        let mut model = self.weighed(model)?;
         let mut steps: Vec<Step> = Vec::new();
+        // sets of effects that the search has been at: it ends where it has been before
+        let mut been: Vec<Vec<String>> = Vec::new();
         loop {
             while let Some(step) = self.best_addition(&model)? {
                 let mut accepted = model.accepted.clone();
@@ -118,9 +120,9 @@ impl<'a> Search<'a> {
                 model = self.fit(&model.arm, accepted)?;
                 let last = model.accepted.len() - 1;
                 model = self.pruned(model, last);
-                self.weigh(&model);
+                model = self.weighed(model)?;
                 model = refined(self, model);
-                self.weigh(&model);
+                model = self.weighed(model)?;
                 progress(&step.hypothesis.label());
                 let hypothesis = model.accepted.last().cloned();
                 steps.push(Step {
@@ -129,25 +131,31 @@ impl<'a> Search<'a> {
                 });
             }
             model = self.gathered(model);
-            let before = model.accepted.clone();
+            let before = labels(&model);
+            been.push(before.clone());
             model = self.exchanged(model);
-            let same = before.len() == model.accepted.len()
-                && before
-                    .iter()
-                    .zip(&model.accepted)
-                    .all(|(a, b)| a.is_same(b));
-            if same || steps.len() > 4 * self.observations.len() {
+            let after = labels(&model);
+            if after == before || been.contains(&after) {
                 break;
             }
-            self.weigh(&model);
+            been.push(after);
+            model = self.weighed(model)?;
+        }
+        if let Some(renamed) = self.likeliest_names(&model) {
+            // what stood beside the other name may have made up for it
+            model = self.weighed(renamed)?;
+            model = self.exchanged(model);
         }
         steps.retain(|s| model.accepted.iter().any(|h| h.is_same(&s.hypothesis)));
         Ok(Found { model, steps })
     }
 
-    fn weigh(&mut self, model: &Extended) {
+    /// The model fitted anew with the noise that it leaves: costs compare only where the noise
+    /// is the same.
+    fn weighed(&mut self, model: Extended) -> Result<Extended, Failure> {
         let fitted = model.fit.unknowns.len();
         self.sigmas = estimated(&model.arm, &self.observations, self.sigmas, fitted);
+        self.fit(&model.arm, model.accepted)
     }
 
     /// Candidates of the catalogue that are not yet in the model.
@@ -177,6 +185,13 @@ impl<'a> Search<'a> {
     fn is_refused(&self, hypothesis: &Hypothesis) -> bool {
         self.refused.iter().any(|r| r.is_same(hypothesis))
     }
+}
+
+/// What is in the model, in an order of its own.
+fn labels(model: &Extended) -> Vec<String> {
+    let mut labels: Vec<String> = model.accepted.iter().map(Hypothesis::label).collect();
+    labels.sort();
+    labels
 }
 
 /// Same kind on the same joint, so that both at once make no sense: other constants of one

@@ -18,7 +18,7 @@ const PLAUSIBLE: f64 = 2e-3;
 
 /// Plausible amplitudes of a direction that would show by fewer standard deviations than
 /// this could not be seen in these poses: the direction is dropped.
-const SHOWS: f64 = 3.0;
+pub(super) const SHOWS: f64 = 3.0;
 
 /// The linear problem after a fit: its residual and an orthonormal basis of what the fitted
 /// columns can express.
@@ -114,7 +114,12 @@ impl Space {
 
     /// Probability and gain of a reduction of the squared residual by `directions` columns.
     pub fn judge(&self, reduction: f64, directions: f64) -> Score {
-        let left = (self.rss - reduction).max(self.rss * 1e-12).max(1e-300);
+        self.judge_from(self.rss, reduction, directions)
+    }
+
+    /// The same from another squared residual than the one that is left here.
+    pub(super) fn judge_from(&self, rss: f64, reduction: f64, directions: f64) -> Score {
+        let left = (rss - reduction).max(rss * 1e-12).max(1e-300);
         let denominator = (self.freedom - directions).max(1.0);
         let f = (reduction / directions.max(1.0)) / (left / denominator);
         let ln_p = if directions > 0.0 {
@@ -126,12 +131,18 @@ impl Space {
             reduction,
             directions,
             ln_p,
-            gain: self.effective * (self.rss / left).ln() - directions * self.effective.ln(),
+            gain: self.effective * (rss / left).ln() - directions * self.effective.ln(),
         }
     }
 
     /// Largest cosine between directions of two candidates, beyond what the model has.
     pub fn similarity(&self, a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
+        self.cosines(a, b).first().copied().unwrap_or(0.0)
+    }
+
+    /// Cosines of the principal angles between two candidates, beyond what the model has, the
+    /// largest first.
+    pub fn cosines(&self, a: &DMatrix<f64>, b: &DMatrix<f64>) -> Vec<f64> {
         let orthonormal = |m: &DMatrix<f64>| {
             let rest = m - &self.basis * self.basis.tr_mul(m);
             let svd = rest.svd(true, false);
@@ -143,9 +154,10 @@ impl Space {
         };
         match (orthonormal(a), orthonormal(b)) {
             (Some(a), Some(b)) if a.ncols() > 0 && b.ncols() > 0 => {
-                a.tr_mul(&b).singular_values().max().min(1.0)
+                let cosines = a.tr_mul(&b).singular_values();
+                cosines.iter().map(|c| c.min(1.0)).collect()
             }
-            _ => 0.0,
+            _ => Vec::new(),
         }
     }
 }

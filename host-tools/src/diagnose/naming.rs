@@ -1,0 +1,58 @@
+//! Which of several names, where they are one and the same thing in these poses.
+
+use super::exchange::Substitute;
+use super::hypothesis::Members;
+use super::model::Extended;
+use super::rivals::bic;
+use super::search::{Search, overlaps};
+use super::sensible::sensible;
+
+/// Cosine from which two explanations are one direction in these poses.
+const ONE: f64 = 0.99;
+
+impl Search<'_> {
+    /// Every effect by the likeliest of the names that these poses cannot tell apart; `None`
+    /// where it has that already. The fit
+    /// is the same, so what counts is how many parameters it takes and how likely the name was
+    /// before anything was measured: kinds alike, then the members of a kind. A joint that gives
+    /// way comes before one of two forms in which a link may bend, a base that rocks before one of
+    /// seven joints that may tilt, a gain before one of twelve orders, a drift before one of all
+    /// time constants.
+    pub(super) fn likeliest_names(&self, model: &Extended) -> Option<Extended> {
+        let mut renamed: Option<Extended> = None;
+        for index in 0..model.accepted.len() {
+            let better = self.likelier_name(renamed.as_ref().unwrap_or(model), index);
+            renamed = better.or(renamed);
+        }
+        renamed
+    }
+
+    fn likelier_name(&self, model: &Extended, index: usize) -> Option<Extended> {
+        let own = &model.accepted[index];
+        if matches!(own.members, Members::Curve(_)) || own.kind == "unnamed" {
+            return None;
+        }
+        let found = self.substitutes(model, index, false).ok()?;
+        let same = |s: &Substitute| {
+            s.sameness > ONE
+                && !overlaps(own, &s.hypothesis)
+                // one wobble has a name in either frame: its joint's is the one that is used
+                && own.kind != "axis-wobble"
+        };
+        let mut best: Option<(f64, Extended)> = None;
+        let worth = |model: &Extended| 2.0 * model.accepted[index].ln_weight - bic(self, model);
+        for other in found.others.into_iter().filter(same) {
+            let mut accepted = model.accepted.clone();
+            accepted[index] = other.hypothesis;
+            let Ok(trial) = self.fit(&model.arm, accepted) else {
+                continue;
+            };
+            let trial = self.pruned(trial, index);
+            let least = best.as_ref().map_or_else(|| worth(model), |b| b.0);
+            if worth(&trial) > least && sensible(&trial, index) {
+                best = Some((worth(&trial), trial));
+            }
+        }
+        best.map(|b| b.1)
+    }
+}
