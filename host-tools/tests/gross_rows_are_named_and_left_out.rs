@@ -49,7 +49,7 @@ fn wrong_rows_leave_the_errors_of_the_others_alone() {
         assert_eq!(used, measured.rows.len());
         let left = report.summary.error_mm.complete.spread.rms;
         assert!(left < 0.05, "{seed}: {left} mm");
-        let noise = report.summary.noise_mm.estimated;
+        let noise = report.summary.noise_mm.estimated.unwrap_or(f64::NAN);
         assert!((0.015..0.025).contains(&noise), "{seed}: {noise} mm");
         let told = report.held_back.iter().any(|s| s.contains("with them"));
         assert!(told, "{:?}", report.held_back);
@@ -65,5 +65,29 @@ fn right_rows_are_kept() {
         let diagnosis = diagnose(found, &|_| {}).unwrap();
         let rejected = &diagnosis.identified.calibration.rejected;
         assert!(rejected.is_empty(), "{seed}: {rejected:?}");
+    }
+}
+
+/// The residual is what it is, whatever noise was declared: what the report says of it, too.
+#[test]
+fn noise_left_by_the_fit_does_not_depend_on_what_was_declared() {
+    let empty = Cell::new(Arm::Ur10, 3);
+    let conditions = Conditions::rich();
+    let estimated = |declared: f64| {
+        let instrument = Instrument {
+            declared: Some([declared; 2]),
+            ..Instrument::new(Seen::Pose)
+        };
+        let visits = empty.schedule(&conditions, 75, 0);
+        let cell = empty.clone().with(Hidden::JointGain { joint: 1 }, 8e-4);
+        let data = cell.measure(&visits, &conditions, &instrument, 0).dataset();
+        let found = identify_file(&cell.robot(), &data, Vec::new()).unwrap();
+        let diagnosis = diagnose(found, &|_| {}).unwrap();
+        let report = Report::of_diagnosis("arm", &data, &diagnosis, &[]).unwrap();
+        report.summary.noise_mm.estimated.unwrap()
+    };
+    for declared in [1.0, 5.0, 0.2] {
+        let noise = estimated(declared);
+        assert!((0.018..0.022).contains(&noise), "{declared}: {noise} mm");
     }
 }

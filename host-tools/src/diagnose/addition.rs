@@ -129,10 +129,10 @@ impl Search<'_> {
                 let trial = self.fit(&model.arm, accepted).ok()?;
                 sensible(&trial, trial.accepted.len() - 1).then_some(trial)
             };
-            if with(candidate).is_none() {
+            let Some(own) = with(candidate) else {
                 self.refused.push(candidate.clone());
                 continue;
-            }
+            };
             for g in plainer(candidate, &ready, &order, &candidates) {
                 let (plain, gain) = (compare(held_back, g), scores[order[g]].gain);
                 // one parameter against one or two: the rows themselves decide what they can
@@ -164,7 +164,7 @@ impl Search<'_> {
                 .iter()
                 .filter(|h| h.joint == candidate.joint && is_of_reading(h))
                 .collect();
-            let curve = self.curve_instead(model, candidate, &linear, &space, &of_reading);
+            let curve = self.curve_instead(&own, candidate, &of_reading);
             if curve.is_some() {
                 // what gravity does to a joint is nearly a function of its reading: a curve
                 // would swallow it
@@ -195,23 +195,26 @@ impl Search<'_> {
     /// A joint's curve in place of `candidate`, a function of the same joint's reading, where it
     /// predicts held-back rows better than the best few such functions together: a curve is free
     /// to be any of them.
+    ///
+    /// Compared at the geometry of `own`, the fit with the candidate: geometry had taken up part
+    /// of it before, and its second order there is what a curve can follow and a name cannot.
     fn curve_instead(
         &self,
-        model: &Extended,
+        own: &Extended,
         candidate: &Hypothesis,
-        linear: &Linear,
-        space: &Space,
         of_reading: &[&Hypothesis],
     ) -> Option<(Hypothesis, [f64; 3])> {
         if !is_of_reading(candidate) {
             return None;
         }
-        let found = self.smoothed(model, candidate, linear, space)?;
-        let [at_random, in_time, in_space] = self.held_back_from(&found, linear);
+        let model = own.clone().without_last();
+        let (linear, space) = model.space(&self.observations, self.sigmas);
+        let found = self.smoothed(&model, candidate, &linear, &space)?;
+        let [at_random, in_time, in_space] = self.held_back_from(&found, &linear);
         let ratios = [at_random.ratio(), in_time.ratio(), in_space.ratio()];
         let holds = at_random.t() > 2.0 && ratios[1] < 1.0 && in_space.t() > UNSEEN;
         let against = Comparison {
-            without: self.few(model, linear, of_reading),
+            without: self.few(&model, &linear, of_reading),
             with: at_random.with,
         };
         (holds && against.t() > 2.0).then_some((found.curve, ratios))

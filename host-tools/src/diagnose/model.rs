@@ -111,6 +111,18 @@ impl Extended {
         }
     }
 
+    /// Without the hypothesis that came last, everything else left where the fit with it is.
+    pub(super) fn without_last(mut self) -> Self {
+        let last = self.accepted.len().saturating_sub(1);
+        let kept = self.arm.effects.len() - self.effects_of(last).len();
+        self.accepted.truncate(last);
+        self.arm.effects.truncate(kept);
+        self.arm.bake();
+        let stays = |u: &Unknown| !matches!(u, Unknown::Effect { effect, .. } if *effect >= kept);
+        self.fit.unknowns.retain(stays);
+        self
+    }
+
     /// Linearised around the fit.
     pub fn linear(&self, observations: &[&Observation], sigmas: Sigmas) -> Linear {
         let scales: Vec<f64> = self

@@ -221,6 +221,7 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
     identified.calibration.complete = Stage {
         arm: complete,
         fit: model.fit,
+        sigmas,
     };
     Ok(Diagnosis {
         identified,

@@ -43,6 +43,7 @@ use gross::{gross, gross_unseen, may_hide, softened};
 use kalman::Innovations;
 use method::{Fitted, Loss};
 use observation::Observation;
+use observation::Sigmas;
 use prior::Prior;
 use problem::Problem;
 use robust::Outlier;
@@ -59,6 +60,8 @@ pub struct Stage {
     pub arm: ArmModel,
     /// The fit.
     pub fit: Solved,
+    /// Noise that the fit was weighted by.
+    pub sigmas: Sigmas,
 }
 
 /// What became of one parameter.
@@ -194,7 +197,11 @@ pub fn align(problem: &Problem) -> Result<Stage, Failure> {
         );
         let better = best.as_ref().is_none_or(|b| fit.cost < b.fit.cost);
         if better && fit.cost.is_finite() {
-            let stage = Stage { arm, fit };
+            let stage = Stage {
+                arm,
+                fit,
+                sigmas: problem.sigmas,
+            };
             // A drawing is right to a few millimetres; then no other guess is needed. The
             // cost bounds the distances of tool points without another look at all rows.
             let every = observations.iter().all(|o| o.position.is_some());
@@ -308,6 +315,7 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
     let geometric = Stage {
         arm: geometric,
         fit: fitted.solved.clone(),
+        sigmas: problem.sigmas,
     };
     let complete = if problem.effects.is_empty() {
         geometric.clone()
@@ -329,6 +337,7 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
         Stage {
             arm,
             fit: fitted.solved.clone(),
+            sigmas: problem.sigmas,
         }
     };
     let mut statuses = statuses(&complete, &structure, &candidates, &fitted.dropped, &shown);

@@ -1,11 +1,11 @@
 //! How large the residual is, by kind of measurement, and whether it looks like noise.
 
-use super::Calibration;
 use super::arm::ArmModel;
 use super::linearize::{linearize, residuals};
 use super::observation::{Kind, Observation, Sigmas};
 use super::problem::Problem;
-use super::solve::{BLOCK, Solved};
+use super::solve::BLOCK;
+use super::{Calibration, Stage};
 
 /// Residual of one kind of measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -85,13 +85,10 @@ pub fn unseen<'p>(problem: &'p Problem, calibration: &Calibration) -> Vec<&'p Ob
     problem.verify.iter().filter(kept).collect()
 }
 
-/// Variance components of fitted rows: sums of squares over sums of one less leverage.
-pub fn of_fitted(
-    arm: &ArmModel,
-    fit: &Solved,
-    observations: &[&Observation],
-    sigmas: Sigmas,
-) -> Components {
+/// Variance components of the rows that `stage` was fitted to: sums of squares over sums of one
+/// less leverage. `sigmas`: what residuals are whitened by, whatever the fit was weighted with.
+pub fn of_fitted(stage: &Stage, observations: &[&Observation], sigmas: Sigmas) -> Components {
+    let Stage { arm, fit, .. } = stage;
     let mut components = Components::default();
     let ones = vec![1.0; fit.unknowns.len()];
     // covariance = F Fᵀ; the leverage of an equation is |row of J F|²
@@ -101,14 +98,16 @@ pub fn of_fitted(
         column *= value.max(0.0).sqrt();
     }
     for block in observations.chunks(BLOCK) {
-        let linear = linearize(arm, &fit.unknowns, &ones, block, sigmas);
+        // leverages by the weights that the covariance is of
+        let linear = linearize(arm, &fit.unknowns, &ones, block, stage.sigmas);
+        let residual = residuals(arm, block, sigmas);
         let spread = linear.jacobian * &factor;
         let leverages: Vec<f64> = spread.row_iter().map(|row| row.norm_squared()).collect();
         let mut start = 0;
         for o in block {
             let end = start + o.equations();
             if let Some(leverages) = leverages.get(start..end) {
-                components.add(o, &linear.residual.as_slice()[start..end], leverages);
+                components.add(o, &residual.as_slice()[start..end], leverages);
             }
             start = end;
         }

@@ -60,7 +60,7 @@ impl Report {
                 error_mm_blocks: None,
                 noise_mm: schema::Noise {
                     declared: None,
-                    estimated: 0.0,
+                    estimated: None,
                 },
                 noise_deg: None,
                 model_sigma_mm: model_sigma(&calibration.complete, &verify),
@@ -124,11 +124,11 @@ impl Report {
         let (problem, calibration) = (&identified.problem, &identified.calibration);
         let stage = &calibration.complete;
         let kept = fitted(problem, calibration);
-        let found = of_fitted(&stage.arm, &stage.fit, &kept, problem.sigmas);
+        let found = of_fitted(stage, &kept, problem.sigmas);
         let noise =
             |declared: Option<f64>, weight: f64, of: &Component, factor: f64| schema::Noise {
                 declared: declared.map(|s| s * factor),
-                estimated: of.ratio().unwrap_or(0.0) * weight * factor,
+                estimated: of.ratio().map(|ratio| ratio * weight * factor),
             };
         let (s, by) = (problem.sigmas, data.noise);
         let range = range(&stage.arm, &kept);

@@ -165,8 +165,8 @@ fn noise(out: &mut String, report: &Report) -> std::fmt::Result {
         };
         writeln!(
             out,
-            "<p>Noise an axis: {declared}, {} {unit} left by the fit.</p>",
-            significant(noise.estimated)
+            "<p>Noise an axis: {declared}, {}.</p>",
+            noise.left_by_fit(unit)
         )?;
     }
     Ok(())

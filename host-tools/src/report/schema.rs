@@ -113,8 +113,8 @@ pub struct BlockErrors {
 pub struct Noise {
     /// By the sidecar; `None` where it says nothing.
     pub declared: Option<f64>,
-    /// By what the fit leaves.
-    pub estimated: f64,
+    /// By what the fit leaves; `None` where it leaves nothing over to tell.
+    pub estimated: Option<f64>,
 }
 
 /// What else an effect could have been.

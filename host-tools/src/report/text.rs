@@ -152,16 +152,23 @@ fn errors(out: &mut String, e: &Errors, unit: &str, effects: bool) -> std::fmt::
     )
 }
 
+impl Noise {
+    /// What the fit leaves, in words.
+    pub(super) fn left_by_fit(&self, unit: &str) -> String {
+        match self.estimated {
+            Some(x) => format!("{} {unit} left by the fit", significant(x)),
+            None => "no more equations than parameters to tell it from".to_owned(),
+        }
+    }
+}
+
 fn noise(out: &mut String, noise: &Noise, unit: &str) -> std::fmt::Result {
     let declared = match noise.declared {
         Some(x) => format!("{} {unit} declared", significant(x)),
         None => "not declared".to_owned(),
     };
-    writeln!(
-        out,
-        "noise an axis: {declared}, {} {unit} left by the fit",
-        significant(noise.estimated)
-    )
+    let estimated = noise.left_by_fit(unit);
+    writeln!(out, "noise an axis: {declared}, {estimated}")
 }
 
 fn effect(out: &mut String, e: &Effect) -> std::fmt::Result {

@@ -42,7 +42,7 @@ pub(super) fn judge(problem: &Problem, calibration: &Calibration, data: &Dataset
     let stage = &calibration.complete;
     let kept = fitted(problem, calibration);
     let unseen = of_unseen(&stage.arm, &unseen(problem, calibration), problem.sigmas);
-    let seen = of_fitted(&stage.arm, &stage.fit, &kept, problem.sigmas);
+    let seen = of_fitted(stage, &kept, problem.sigmas);
     let kinds: Vec<Kind> = [
         (
             "positions",
