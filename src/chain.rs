@@ -43,7 +43,7 @@ pub struct BakedJoint<T: Scalar> {
     pub kind: JointKind,
     /// Constant angle about the axis, rad, in [-pi/2, pi/2].
     pub theta: T,
-    /// Sine and cosine of `theta` for a prismatic joint; 0 and 1 for a revolute one.
+    /// Sine and cosine of `theta`.
     pub sincos_theta: [T; 2],
     /// Next axis' origin across this axis, m; zero for a prismatic joint.
     pub tx: T,
@@ -179,10 +179,8 @@ pub fn bake<T: Scalar>(
                     -(r[(0, 1)] * c + r[(1, 1)] * s),
                 );
                 beyond.theta = sine.arctangent2(cosine);
-                if beyond.kind == JointKind::Prismatic {
-                    let (sine, cosine) = beyond.theta.sincos();
-                    beyond.sincos_theta = [sine, cosine];
-                }
+                let (sine, cosine) = beyond.theta.sincos();
+                beyond.sincos_theta = [sine, cosine];
                 baked.sin_alpha = r[(0, 2)] * s - r[(1, 2)] * c;
                 baked.cos_alpha = r[(2, 2)];
                 let (o, i) = (T::zero(), T::one());

@@ -390,10 +390,7 @@ impl<'m, T: Scalar> Work<'_, '_, 'm, T> {
     fn add_harmonic(&mut self, joint: u8, order: T, amplitude: [T; 2]) -> bool {
         let j = usize::from(joint);
         match (self.joints.get_mut(j), self.baked.get(j)) {
-            (Some(joint), Some(baked)) => {
-                let (sine, cosine) = baked.theta.sincos();
-                joint.add_harmonic(order, amplitude, [sine, cosine])
-            }
+            (Some(joint), Some(baked)) => joint.add_harmonic(order, amplitude, baked.sincos_theta),
             _ => true,
         }
     }
