@@ -80,7 +80,7 @@ pub(super) struct Work<T: Scalar, const N: usize> {
     pub(super) room: Room<T, N>,
     /// Weighted joint Jacobian.
     columns: Columns<T, N>,
-    /// The start and two more.
+    /// The best, and those that are tried.
     pub(super) points: [Point<T, N>; 3],
 }
 
@@ -96,7 +96,8 @@ impl<T: Scalar, const N: usize> Default for Work<T, N> {
 
 /// What a search comes to.
 pub(super) struct Found<'w, T: Scalar, const N: usize> {
-    pub(super) initial: &'w Point<T, N>,
+    /// Error of the start.
+    pub(super) initial: PoseError<T>,
     pub(super) best: &'w Point<T, N>,
     pub(super) status: Status,
     pub(super) iterations: u8,
@@ -129,32 +130,32 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         let Work {
             room,
             columns,
-            points: [initial, best, trial],
+            points: [best, trial, _],
         } = work;
-        initial.q = self.start;
-        if !self.evaluate(initial, room) {
+        best.q = self.start;
+        if !self.evaluate(best, room) {
             return None;
         }
-        let unmoved = |initial, status| Found {
+        let (initial, squares, square) = (best.error(), best.squares, best.square);
+        let found = |best, status, iterations| Found {
             initial,
-            best: initial,
+            best,
             status,
-            iterations: 0,
+            iterations,
         };
-        if self.converged(initial) {
-            return Some(unmoved(initial, Status::Converged));
+        if self.converged(best) {
+            return Some(found(best, Status::Converged, 0));
         }
         if self.settings.max_iterations == 0 {
-            return Some(unmoved(initial, Status::IterationLimit));
+            return Some(found(best, Status::IterationLimit, 0));
         }
         // From the start's own configuration, wherever the search begins: so that the problem,
         // and with it the answer, does not depend on what is remembered.
-        let mut begin = self.add_singular_effort(initial, room, columns);
-        *best = *initial;
+        let mut begin = self.add_singular_effort(best, room, columns);
         let (mut best, mut trial) = (best, trial);
         if remembered.iter().any(|d| !d.is_zero()) {
             self.move_to(&self.start, remembered, T::one(), &mut trial.q);
-            if self.evaluate(trial, room) && trial.merit < initial.square {
+            if self.evaluate(trial, room) && trial.merit < square {
                 core::mem::swap(&mut best, &mut trial);
                 begin = Begin::Frames;
             }
@@ -162,18 +163,11 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         let (best, status, iterations) =
             self.iterate(best, trial, begin, room, columns, budget, cost);
         // Never worse: the merit only falls, so this guards against rounding alone.
-        let initial = &*initial;
-        let best = if best.square <= initial.square {
-            best
-        } else {
-            initial
-        };
-        Some(Found {
-            initial,
-            best,
-            status,
-            iterations,
-        })
+        if best.square > square {
+            best.q = self.start;
+            best.squares = squares;
+        }
+        Some(found(best, status, iterations))
     }
 
     #[expect(clippy::too_many_arguments, reason = "the places of one search")]
@@ -186,7 +180,7 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         columns: &mut Columns<T, N>,
         budget: &Budget<'_, C>,
         cost: &Cost,
-    ) -> (&'w Point<T, N>, Status, u8) {
+    ) -> (&'w mut Point<T, N>, Status, u8) {
         let mut iterations = 0;
         loop {
             if self.converged(best) {

@@ -385,7 +385,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             status: found.status,
             task_point,
             iterations: found.iterations,
-            initial: Some(found.initial.error()),
+            initial: Some(found.initial),
             remaining: Some(best.error()),
             clamped,
             cycles: budget.spent(),

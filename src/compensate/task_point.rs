@@ -54,13 +54,12 @@ pub(super) fn run<'w, C: Clock, T: Scalar, const N: usize>(
     cost: &Cost,
 ) -> Option<(Found<'w, T, N>, Pose<T>)> {
     let Work { room, points, .. } = work;
-    let [initial, best, trial] = points;
-    initial.q = descent.start;
-    if !descent.evaluate(initial, room) {
+    let [mut best, mut trial, _] = points.each_mut();
+    best.q = descent.start;
+    if !descent.evaluate(best, room) {
         return None;
     }
-    *best = *initial;
-    let (mut best, mut trial) = (best, trial);
+    let initial = best.error();
     let mut best_asked = *descent.desired;
     let mut asked = best_asked;
     let cost = cost.iteration.saturating_mul(SHARE);

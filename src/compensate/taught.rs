@@ -39,7 +39,7 @@ pub(super) fn run<'w, C: Clock, T: Scalar, const N: usize>(
     let initial = &*initial;
     let stay = |status| {
         Some(Found {
-            initial,
+            initial: initial.error(),
             best: initial,
             status,
             iterations: 0,
@@ -104,7 +104,7 @@ pub(super) fn run<'w, C: Clock, T: Scalar, const N: usize>(
     let spent = budget.spent().wrapping_sub(begun) / 2;
     descent.longest = descent.longest.max(spent);
     Some(Found {
-        initial,
+        initial: initial.error(),
         best,
         status: if descent.converged(best) {
             Status::Converged
