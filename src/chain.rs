@@ -179,7 +179,6 @@ pub fn bake<T: Scalar>(
                     -(r[(0, 1)] * c + r[(1, 1)] * s),
                 );
                 beyond.theta = sine.arctangent2(cosine);
-                let (sine, cosine) = beyond.theta.sincos();
                 beyond.sincos_theta = [sine, cosine];
                 baked.sin_alpha = r[(0, 2)] * s - r[(1, 2)] * c;
                 baked.cos_alpha = r[(2, 2)];
