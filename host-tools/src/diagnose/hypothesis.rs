@@ -185,30 +185,18 @@ fn conditions(arm: &ArmModel, observations: &[&Observation]) -> Conditions {
     }
 }
 
-/// A pause is this much longer than half of the gaps between rows.
-const PAUSE: f64 = 5.0;
-
-/// Times at which a step is tried: between rows, since no row can tell where in a gap it was, and
-/// in every pause, when things are moved.
+/// Times at which a step is tried: between rows, since no row can tell where in a pause it was.
 fn between(observations: &[&Observation]) -> Vec<f64> {
     let times = observations.iter().map(|o| o.ambient.time);
     let mut times: Vec<f64> = times.filter(|t| t.is_finite()).collect();
     times.sort_by(f64::total_cmp);
     times.dedup();
-    let mut widths: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
-    widths.sort_by(f64::total_cmp);
-    let median = widths.get(widths.len() / 2).copied().unwrap_or(0.0);
-    let count = STEPS.min(widths.len());
-    let places: Vec<usize> = (0..count)
-        .map(|i| (2 * i + 1) * widths.len() / (2 * count))
-        .collect();
-    let mut pauses = 0;
-    let gaps = times.windows(2).enumerate().filter(|(i, w)| {
-        let pause = w[1] - w[0] > PAUSE * median && pauses < STEPS;
-        pauses += usize::from(pause);
-        pause || places.contains(i)
-    });
-    gaps.map(|(_, w)| 0.5 * (w[0] + w[1])).collect()
+    let gaps: Vec<f64> = times.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect();
+    let count = STEPS.min(gaps.len());
+    let place = |i: usize| (2 * i + 1) * gaps.len() / (2 * count);
+    (0..count)
+        .filter_map(|i| gaps.get(place(i)).copied())
+        .collect()
 }
 
 /// Every hypothesis that these rows allow, one entry each.
