@@ -185,18 +185,38 @@ fn conditions(arm: &ArmModel, observations: &[&Observation]) -> Conditions {
     }
 }
 
-/// Times at which a step is tried: between rows, since no row can tell where in a pause it was.
+/// A pause is this much longer than half of the gaps between rows.
+const PAUSE: f64 = 5.0;
+
+/// Times at which a step is tried: between rows, since no row can tell where in a gap it was, and
+/// in every pause, when things are moved. A gap where rows are held back is shared among them, so
+/// it is no pause, and rows that stand for the time have none.
 fn between(observations: &[&Observation]) -> Vec<f64> {
-    let times = observations.iter().map(|o| o.ambient.time);
-    let mut times: Vec<f64> = times.filter(|t| t.is_finite()).collect();
-    times.sort_by(f64::total_cmp);
-    times.dedup();
-    let gaps: Vec<f64> = times.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect();
+    let times = observations.iter().map(|o| (o.ambient.time, o.row));
+    let mut times: Vec<(f64, usize)> = times.filter(|(t, _)| t.is_finite()).collect();
+    times.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    times.dedup_by(|a, b| a.0.total_cmp(&b.0).is_eq());
+    let gaps: Vec<(f64, f64)> = times
+        .windows(2)
+        .map(|w| {
+            let rows = w[1].1.abs_diff(w[0].1).max(1);
+            (0.5 * (w[0].0 + w[1].0), (w[1].0 - w[0].0) / rows as f64)
+        })
+        .collect();
+    let mut widths: Vec<f64> = gaps.iter().map(|g| g.1).collect();
+    widths.sort_by(f64::total_cmp);
+    let median = widths.get(widths.len() / 2).copied().unwrap_or(0.0);
     let count = STEPS.min(gaps.len());
-    let place = |i: usize| (2 * i + 1) * gaps.len() / (2 * count);
-    (0..count)
-        .filter_map(|i| gaps.get(place(i)).copied())
-        .collect()
+    let places: Vec<usize> = (0..count)
+        .map(|i| (2 * i + 1) * gaps.len() / (2 * count))
+        .collect();
+    let mut pauses = 0;
+    let tried = gaps.iter().enumerate().filter(|(i, (_, width))| {
+        let pause = *width > PAUSE * median && pauses < STEPS;
+        pauses += usize::from(pause);
+        pause || places.contains(i)
+    });
+    tried.map(|(_, (middle, _))| *middle).collect()
 }
 
 /// Every hypothesis that these rows allow, one entry each.
