@@ -12,12 +12,11 @@ const ONE: f64 = 0.99;
 
 impl Search<'_> {
     /// Every effect by the likeliest of the names that these poses cannot tell apart; `None`
-    /// where it has that already. The fit
-    /// is the same, so what counts is how many parameters it takes and how likely the name was
-    /// before anything was measured: kinds alike, then the members of a kind. A joint that gives
-    /// way comes before one of two forms in which a link may bend, a base that rocks before one of
-    /// seven joints that may tilt, a gain before one of twelve orders, a drift before one of all
-    /// time constants.
+    /// where it has that already. The fit is the same, so what counts is how many parameters it
+    /// takes and how likely the name was before anything was measured: kinds alike, then the
+    /// members of a kind. A joint that gives way comes before one of two forms in which a link may
+    /// bend, a base that rocks before one of seven joints that may tilt, a gain before one of
+    /// twelve orders, a drift before one of all time constants.
     pub(super) fn likeliest_names(&self, model: &Extended) -> Option<Extended> {
         let mut renamed: Option<Extended> = None;
         for index in 0..model.accepted.len() {
