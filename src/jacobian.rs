@@ -11,7 +11,12 @@ use crate::{Joint, JointKind, Parameter, Pose, Scalar, Twist};
 pub fn joint_column<T: Scalar>(kind: JointKind, frame: &Frame<T>, tool: &Vector3<T>) -> Twist<T> {
     let z = frame.axis();
     match kind {
-        JointKind::Revolute => Twist::new(z.cross(&(tool - frame.origin)), z),
+        JointKind::Revolute => {
+            // Entry by entry: compiled for size, a difference of vectors is a loop.
+            let o = &frame.origin;
+            let arm = Vector3::new(tool.x - o.x, tool.y - o.y, tool.z - o.z);
+            Twist::new(z.cross(&arm), z)
+        }
         JointKind::Prismatic => Twist::new(z, Vector3::zeros()),
     }
 }

@@ -3,6 +3,7 @@
 //! Takes the geometric and non-geometric errors of a robot arm out of its joint commands, in
 //! the control loop.
 
+mod aside;
 pub mod budget;
 mod chain;
 pub mod compensate;

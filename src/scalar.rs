@@ -2,6 +2,7 @@
 
 use nalgebra::RealField;
 
+use crate::aside::Aside;
 use crate::effects::LookUp;
 use crate::params::Load;
 
@@ -10,7 +11,7 @@ use crate::params::Load;
 /// Everything here uses additions, multiplications, divisions and exactly rounded square
 /// roots in a fixed order and never a fused multiply-add, so host and target agree in every
 /// bit for the same type.
-pub trait Scalar: RealField + Copy + Load + LookUp {
+pub trait Scalar: RealField + Copy + Aside + Load + LookUp {
     /// Distance from 1 to the next number above it.
     const EPSILON: Self;
 

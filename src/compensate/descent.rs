@@ -8,7 +8,7 @@ use super::damped::{cross, shared_multipliers};
 use super::error::{PoseError, between};
 use super::inverse_jacobian::singular_effort;
 use super::solve::dot;
-use super::step::{Columns, clearance, confined, damped_step, within_box};
+use super::step::{Columns, clearance, damped_step, within_box};
 use crate::budget::{Budget, Clock, Cost};
 use crate::jacobian::joint_column;
 use crate::model::{Prediction, Room};
@@ -65,11 +65,7 @@ impl<T: Scalar, const N: usize> Point<T, N> {
 
     /// Predicted error.
     pub(super) fn error(&self) -> PoseError<T> {
-        let [position, orientation] = self.squares.map(T::rough_root);
-        PoseError {
-            position,
-            orientation,
-        }
+        size(self.squares)
     }
 }
 
@@ -264,9 +260,7 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
                 Begin::Solved(y) => *y,
                 _ => shared_multipliers(columns, &[T::one(); N], damping, &error, false).0,
             };
-            for (step, column) in step.iter_mut().zip(columns) {
-                *step = dot(column, &y);
-            }
+            T::projected(columns, &y, step);
             // (W J p) · W e, since W J p = W e - λ² y.
             dot(&error, &error) - damping * dot(&y, &error)
         } else {
@@ -313,12 +307,7 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
         away: &[T; N],
         step: &[T; N],
     ) -> T {
-        let mut slope = T::zero();
-        let efforts = self.effort.iter().zip(away);
-        for ((&p, column), (&g, &d)) in step.iter().zip(columns).zip(efforts) {
-            slope += p * (dot(column, error) - g * d);
-        }
-        slope
+        T::half_slope(error, columns, &self.effort, away, step)
     }
 
     /// Where the model puts the command in `point`, whose other fields are set; false if
@@ -346,10 +335,7 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
 
     /// Sets `q` to `from` plus `scale` times `step`, inside the room.
     pub(super) fn move_to(&self, from: &[T; N], step: &[T; N], scale: T, q: &mut [T; N]) {
-        let ways = from.iter().zip(step).zip(&self.room);
-        for (q, ((&from, &p), room)) in q.iter_mut().zip(ways) {
-            *q = confined(from + p * scale, room);
-        }
+        T::advance(from, step, scale, &self.room, q);
     }
 
     pub(super) fn weighted(&self, twist: &Twist<T>) -> [T; 6] {
@@ -380,7 +366,7 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
             self.settings.position_weight,
             self.settings.orientation_weight,
         ];
-        weighted_jacobian(self.joints, room.frames(), &point.tool, weights, columns);
+        T::weighted_jacobian(self.joints, room.frames(), &point.tool, weights, columns);
     }
 
     /// Adds to the effort what the nearness of a singular configuration asks for. Sets the
@@ -409,16 +395,24 @@ impl<T: Scalar, const N: usize> Descent<'_, T, N> {
     /// Whether both errors are below their tolerances, or below what can be told apart in
     /// this number type.
     pub(super) fn converged(&self, point: &Point<T, N>) -> bool {
-        let settings = self.settings;
-        let tool = &point.tool;
-        let far = tool.x.abs() + tool.y.abs() + tool.z.abs();
-        let floor = T::EPSILON * (T::one() + far);
-        let below =
-            |square: T, tolerance: T| square <= tolerance * tolerance || square <= floor * floor;
-        let [position, orientation] = point.squares;
-        below(position, settings.position_tolerance)
-            && below(orientation, settings.orientation_tolerance)
+        below(self.settings, &point.squares, &point.tool)
     }
+}
+
+/// `step · ((W J)ᵀ error - G away)`.
+pub(crate) fn half_slope<T: Scalar>(
+    error: &[T; 6],
+    columns: &[[T; 6]],
+    effort: &[T],
+    away: &[T],
+    step: &[T],
+) -> T {
+    let mut slope = T::zero();
+    let efforts = effort.iter().zip(away);
+    for ((&p, column), (&g, &d)) in step.iter().zip(columns).zip(efforts) {
+        slope += p * (dot(column, error) - g * d);
+    }
+    slope
 }
 
 /// The twist from what is predicted to `desired`.
@@ -438,16 +432,37 @@ fn rest<T: Scalar>(prediction: &Prediction<T>, desired: &Pose<T>) -> Twist<T> {
     )
 }
 
+/// Whether errors with these `squares` are below the tolerances, or below what can be told
+/// apart where the tool is.
+#[inline(never)]
+fn below<T: Scalar>(settings: &Settings<T>, squares: &[T; 2], tool: &Vector3<T>) -> bool {
+    let far = tool.x.abs() + tool.y.abs() + tool.z.abs();
+    let floor = T::EPSILON * (T::one() + far);
+    let below =
+        |square: T, tolerance: T| square <= tolerance * tolerance || square <= floor * floor;
+    let [position, orientation] = *squares;
+    below(position, settings.position_tolerance)
+        && below(orientation, settings.orientation_tolerance)
+}
+
+/// Of squares of position and orientation error.
+#[inline(never)]
+fn size<T: Scalar>([position, orientation]: [T; 2]) -> PoseError<T> {
+    PoseError {
+        position: position.rough_root(),
+        orientation: orientation.rough_root(),
+    }
+}
+
 /// Position rows by the first weight, orientation rows by the second.
 #[inline]
-fn weighted<T: Scalar>(twist: &Twist<T>, [p, o]: [T; 2]) -> [T; 6] {
+pub(super) fn weighted<T: Scalar>(twist: &Twist<T>, [p, o]: [T; 2]) -> [T; 6] {
     let [a, b, c, d, e, f] = twist.rows();
     [a * p, b * p, c * p, d * o, e * o, f * o]
 }
 
 /// Columns of the weighted joint Jacobian about `tool`.
-#[inline(never)]
-fn weighted_jacobian<T: Scalar>(
+pub(crate) fn weighted_jacobian<T: Scalar>(
     joints: &[BakedJoint<T>],
     frames: &[Frame<T>],
     tool: &Vector3<T>,

@@ -49,8 +49,7 @@ pub fn corrections<T: Scalar, const N: usize>(
 /// 0 in the middle, rising from 0 to 1 over the last fiftieth of the travel before a limit,
 /// in place of the book's inverse distance, which has no bound. (That the price also grows
 /// near singularities is the same for all methods.)
-#[inline(never)]
-pub(super) fn prices<T: Scalar>(
+pub(crate) fn prices<T: Scalar>(
     gamma: T,
     q: &[T],
     joints: &[BakedJoint<T>],

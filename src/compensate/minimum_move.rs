@@ -1,12 +1,12 @@
 //! Commands in whole steps of the joints. MRD 5.5 to 5.8.
 
+use super::descent::weighted;
 use super::error::between;
-use super::solve::dot;
+use super::solve::{add, dot};
 use super::step::Columns;
 use crate::effects::Conditions;
-use crate::jacobian::joint_column;
 use crate::model::{Model, Room};
-use crate::{Pose, PreparedJoint, Scalar, Twist};
+use crate::{Pose, PreparedJoint, Scalar};
 
 /// Joints that are tried together; the ones after these are rounded one by one.
 const TOGETHER: usize = 12;
@@ -30,70 +30,75 @@ pub fn nearest<T: Scalar, const N: usize>(
     let mut joints = [PreparedJoint::empty(); N];
     let prepared = model.prepare(conditions, &mut joints);
     let prediction = prepared.predict(q, &mut room.scratch());
-    let weighted = |twist: &Twist<T>| {
-        let (p, o) = (
-            model.settings.position_weight,
-            model.settings.orientation_weight,
-        );
-        let [a, b, c, d, e, f] = twist.rows();
-        [a * p, b * p, c * p, d * o, e * o, f * o]
-    };
-    let tool = prediction.rigid.translation;
+    let settings = &model.settings;
+    let weights = [settings.position_weight, settings.orientation_weight];
+    let error = between(&prediction.pose(), desired);
+    let mut columns: Columns<T, N> = [[T::zero(); 6]; N];
+    let tool = &prediction.rigid.translation;
+    let joints = &model.calibrated.joints;
+    T::weighted_jacobian(joints, room.frames(), tool, weights, &mut columns);
+    let mut out = *q;
+    let (steps, limits) = (&model.resolution, &model.limits);
+    T::choose(
+        &mut columns,
+        weighted(&error, weights),
+        steps,
+        limits,
+        &mut out,
+    );
+    out
+}
+
+/// [`nearest`] to `q`, which is changed to it, with the weighted Jacobian `columns`, which are
+/// changed, and the weighted `error` there.
+pub(crate) fn choose<T: Scalar>(
+    columns: &mut [[T; 6]],
+    mut error: [T; 6],
+    steps: &[T],
+    limits: &[[T; 2]],
+    q: &mut [T],
+) {
     // What each joint's choice adds to the error: its lower neighbour to begin with, its
     // upper neighbour on top.
-    let mut error = weighted(&between(&prediction.pose(), desired));
-    let mut base = *q;
-    let mut change: Columns<T, N> = [[T::zero(); 6]; N];
-    let joints = model.calibrated.joints.iter().zip(room.frames());
-    let places = base.iter_mut().zip(&mut change);
-    let steps = model.resolution.iter().zip(&model.limits);
-    for (((q, change), (joint, frame)), (&step, limits)) in places.zip(joints).zip(steps) {
-        let Some((low, high)) = neighbours(*q, step, limits) else {
-            continue;
-        };
-        let column = weighted(&joint_column(joint.kind, frame, &tool));
-        for (error, &c) in error.iter_mut().zip(&column) {
-            *error -= c * (low - *q);
+    let places = q.iter().zip(steps).zip(limits);
+    for (change, ((&q, &step), limits)) in columns.iter_mut().zip(places) {
+        let (low, high) = T::neighbours(q, step, limits).unwrap_or((q, q));
+        add(&mut error, change, q - low);
+        for change in change {
+            *change *= high - low;
         }
-        *change = column.map(|c| c * (high - low));
-        *q = low;
     }
     // Gray code: every combination once, one joint changing at a time.
-    let count = if N < TOGETHER { N } else { TOGETHER };
+    let count = q.len().min(TOGETHER);
     let mut raised = 0u32;
     let mut best = (dot(&error, &error), raised);
     for k in 1..1u32 << count {
         let bit = k.trailing_zeros();
         raised ^= 1 << bit;
         let up = raised & (1 << bit) != 0;
-        if let Some(change) = usize::try_from(bit).ok().and_then(|j| change.get(j)) {
-            for (error, &c) in error.iter_mut().zip(change) {
-                *error = if up { *error - c } else { *error + c };
-            }
+        if let Some(change) = usize::try_from(bit).ok().and_then(|j| columns.get(j)) {
+            add(&mut error, change, if up { -T::one() } else { T::one() });
         }
         let square = dot(&error, &error);
         if square < best.0 {
             best = (square, raised);
         }
     }
-    let mut out = base;
-    let steps = model.resolution.iter().zip(&model.limits);
-    for (j, ((out, &q), (&step, limits))) in out.iter_mut().zip(q).zip(steps).enumerate() {
-        if let Some((low, high)) = neighbours(q, step, limits) {
+    for (j, ((q, &step), limits)) in q.iter_mut().zip(steps).zip(limits).enumerate() {
+        if let Some((low, high)) = T::neighbours(*q, step, limits) {
             let upper = if j < count {
                 best.1 & (1 << j) != 0
             } else {
-                high - q < q - low
+                high - *q < *q - low
             };
-            *out = if upper { high } else { low };
+            *q = if upper { high } else { low };
         }
     }
-    out
 }
 
 /// The whole steps below and above `q` inside the limits; the same one twice where only one
 /// is. `None` without a resolution or where no step is inside.
-fn neighbours<T: Scalar>(q: T, step: T, limits: &[T; 2]) -> Option<(T, T)> {
+pub(crate) fn neighbours<T: Scalar>(q: T, step: T, limits: &[T; 2]) -> Option<(T, T)> {
     if step <= T::zero() || !q.finite() {
         return None;
     }

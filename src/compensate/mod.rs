@@ -11,7 +11,7 @@
 //! - the same bits for the same input, state and number type on every core.
 
 mod damped;
-mod descent;
+pub(crate) mod descent;
 mod direct;
 mod error;
 pub mod inverse_jacobian;
@@ -20,7 +20,7 @@ pub mod minimum_move;
 mod rigid;
 mod solve;
 pub mod spherical_wrist;
-mod step;
+pub(crate) mod step;
 mod swift;
 pub mod task_point;
 mod taught;
@@ -33,6 +33,7 @@ use crate::{Method, Pose, PreparedJoint, Scalar, Settings};
 
 use descent::Descent;
 pub use error::PoseError;
+pub(crate) use step::Along;
 use task_point::Inverse;
 
 /// What to correct.
@@ -333,7 +334,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
                 calibrated, limits, ..
             } = self.model;
             let gamma = settings.effort;
-            lqr::prices(gamma, &start, &calibrated.joints, limits, &mut effort);
+            T::prices(gamma, &start, &calibrated.joints, limits, &mut effort);
         }
         let room = self.room(&start);
         let mut descent = Descent {
@@ -396,26 +397,13 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
     fn room(&self, start: &[T; N]) -> [[T; 2]; N] {
         let mut room = self.model.limits;
         let joints = &self.model.calibrated.joints;
-        for ((room, joint), &q) in room.iter_mut().zip(joints).zip(start) {
-            let [revolute, prismatic] = self.settings.correction_bound;
-            let bound = match joint.kind {
-                crate::JointKind::Revolute => revolute,
-                crate::JointKind::Prismatic => prismatic,
-            };
-            let [low, high] = *room;
-            *room = [
-                if q - bound > low { q - bound } else { low },
-                if q + bound < high { q + bound } else { high },
-            ];
-        }
+        T::keep_near(&mut room, joints, start, &self.settings.correction_bound);
         room
     }
 
     fn within_limits(&self, q: &[T; N]) -> [T; N] {
         let mut inside = *q;
-        for (q, limits) in inside.iter_mut().zip(&self.model.limits) {
-            *q = step::confined(*q, limits);
-        }
+        T::confine(&mut inside, &self.model.limits);
         inside
     }
 

@@ -86,3 +86,14 @@ impl<T: Scalar, const K: usize> Factor<T, K> {
 pub(super) fn dot<T: Scalar>(a: &[T; 6], b: &[T; 6]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 }
+
+/// Adds `factor` times `b` to `a`.
+#[inline(always)]
+pub(super) fn add<T: Scalar>(a: &mut [T; 6], b: &[T; 6], factor: T) {
+    a[0] += b[0] * factor;
+    a[1] += b[1] * factor;
+    a[2] += b[2] * factor;
+    a[3] += b[3] * factor;
+    a[4] += b[4] * factor;
+    a[5] += b[5] * factor;
+}

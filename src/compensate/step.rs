@@ -15,8 +15,8 @@
 //! `S = μ M⁻¹`, `b = M⁻¹ G (q - start)`; below, as it stands.
 
 use super::damped::shared_multipliers;
-use super::solve::{Factor, dot};
-use crate::Scalar;
+use super::solve::{Factor, add, dot};
+use crate::{BakedJoint, JointKind, Scalar};
 
 /// Weighted joint Jacobian, one column a joint.
 pub(super) type Columns<T, const N: usize> = [[T; 6]; N];
@@ -34,33 +34,56 @@ pub(super) fn damped_step<T: Scalar, const N: usize>(
     if N < 6 {
         return normal_step(columns, error, effort, away, damping);
     }
-    let free = effort.iter().all(|g| g.is_zero());
+    let mut step = [T::zero(); N];
     let mut ease = [T::one(); N];
+    if effort.iter().all(|g| g.is_zero()) {
+        let (y, _) = shared_multipliers(columns, &ease, damping, error, false);
+        T::projected(columns, &y, &mut step);
+        return step;
+    }
     let mut back = [T::zero(); N];
     let mut right = *error;
-    let mut smallest = damping;
-    if !free {
-        let least = effort.iter().fold(None, |m: Option<T>, &g| {
-            Some(m.map_or(g, |m| if g < m { g } else { m }))
-        });
-        smallest = damping + least.unwrap_or_else(T::zero);
-        let places = ease.iter_mut().zip(&mut back);
-        for (((ease, back), (&g, &d)), column) in places.zip(effort.iter().zip(away)).zip(columns) {
-            let stiffness = g + damping;
-            *ease = smallest / stiffness;
-            *back = g * d / stiffness;
-            for (right, &c) in right.iter_mut().zip(column) {
-                *right += c * *back;
-            }
-        }
-    }
-    let (y, _) = shared_multipliers(columns, &ease, smallest, &right, false);
-    let mut step = [T::zero(); N];
-    for ((step, column), (&ease, &back)) in step.iter_mut().zip(columns).zip(ease.iter().zip(&back))
-    {
-        *step = dot(column, &y) * ease - back;
+    let mu = T::eased(
+        columns, effort, away, damping, &mut right, &mut ease, &mut back,
+    );
+    let (y, _) = shared_multipliers(columns, &ease, mu, &right, false);
+    T::projected(columns, &y, &mut step);
+    for (step, (&ease, &back)) in step.iter_mut().zip(ease.iter().zip(&back)) {
+        *step = *step * ease - back;
     }
     step
+}
+
+/// Sets the diagonal of S, `ease`, and `b`, `back`, which are ones and zeros, and adds `W J b`
+/// to the `right` side. Returns `μ`.
+pub(crate) fn eased<T: Scalar>(
+    columns: &[[T; 6]],
+    effort: &[T],
+    away: &[T],
+    damping: T,
+    right: &mut [T; 6],
+    ease: &mut [T],
+    back: &mut [T],
+) -> T {
+    let least = effort.iter().fold(None, |m: Option<T>, &g| {
+        Some(m.map_or(g, |m| if g < m { g } else { m }))
+    });
+    let mu = damping + least.unwrap_or_else(T::zero);
+    let places = ease.iter_mut().zip(back.iter_mut());
+    for (((ease, back), (&g, &d)), column) in places.zip(effort.iter().zip(away)).zip(columns) {
+        let stiffness = g + damping;
+        *ease = mu / stiffness;
+        *back = g * d / stiffness;
+        add(right, column, *back);
+    }
+    mu
+}
+
+/// Sets `step` to `(W J)ᵀ y`.
+pub(crate) fn projected<T: Scalar>(columns: &[[T; 6]], y: &[T; 6], step: &mut [T]) {
+    for (step, column) in step.iter_mut().zip(columns) {
+        *step = dot(column, y);
+    }
 }
 
 /// The same for fewer than six joints: normal matrix with their number of rows.
@@ -143,22 +166,17 @@ pub(super) fn within_box<T: Scalar, const N: usize>(
     room: &[[T; 2]; N],
     p: &mut [T; N],
 ) {
-    let mut joints = [Along::default(); N];
-    let places = joints.iter_mut().zip(columns).zip(effort);
-    for (((joint, column), &g), &d) in places.zip(away) {
-        let stiffness = g + damping;
-        *joint = Along {
-            inverse: T::one() / (dot(column, column) + stiffness),
-            stiffness,
-            pull: g * d,
-        };
+    let joints = &mut [Along::default(); N];
+    for (joint, (&g, &d)) in joints.iter_mut().zip(effort.iter().zip(away)) {
+        joint.stiffness = g + damping;
+        joint.pull = g * d;
     }
-    sweep(columns, error, &joints, room, p);
+    T::sweep(columns, error, joints, room, p);
 }
 
 /// What a joint brings into [`sweep`].
-#[derive(Clone, Copy)]
-struct Along<T> {
+#[derive(Clone, Copy, Debug)]
+pub struct Along<T> {
     /// One over the second derivative of half the cost.
     inverse: T,
     /// Of effort and damping alone.
@@ -178,29 +196,26 @@ impl<T: Scalar> Default for Along<T> {
     }
 }
 
-#[inline(never)]
-fn sweep<T: Scalar>(
+pub(crate) fn sweep<T: Scalar>(
     columns: &[[T; 6]],
     error: &[T; 6],
-    joints: &[Along<T>],
+    joints: &mut [Along<T>],
     room: &[[T; 2]],
     p: &mut [T],
 ) {
     let mut left = *error;
-    let take = |left: &mut [T; 6], column: &[T; 6], change: T| {
-        for (left, &c) in left.iter_mut().zip(column) {
-            *left -= c * change;
-        }
-    };
-    for ((p, room), column) in p.iter_mut().zip(room).zip(columns) {
+    let places = p.iter_mut().zip(room);
+    for ((p, room), (column, joint)) in places.zip(columns.iter().zip(joints.iter_mut())) {
+        joint.inverse = T::one() / (dot(column, column) + joint.stiffness);
         *p = confined(*p, room);
-        take(&mut left, column, *p);
+        add(&mut left, column, -*p);
     }
     for _ in 0..SWEEPS {
-        for (p, ((column, room), joint)) in p.iter_mut().zip(columns.iter().zip(room).zip(joints)) {
+        for (p, ((column, room), joint)) in p.iter_mut().zip(columns.iter().zip(room).zip(&*joints))
+        {
             let pull = dot(column, &left) - joint.pull - joint.stiffness * *p;
             let moved = confined(*p + pull * joint.inverse, room);
-            take(&mut left, column, moved - *p);
+            add(&mut left, column, *p - moved);
             *p = moved;
         }
     }
@@ -208,6 +223,42 @@ fn sweep<T: Scalar>(
 
 /// Sweeps of [`within_box`].
 const SWEEPS: usize = 8;
+
+/// Cuts off of `room` what is further from `q` than the `bound` of a revolute or a prismatic
+/// joint.
+pub(crate) fn keep_near<T: Scalar>(
+    room: &mut [[T; 2]],
+    joints: &[BakedJoint<T>],
+    q: &[T],
+    bound: &[T; 2],
+) {
+    for ((room, joint), &q) in room.iter_mut().zip(joints).zip(q) {
+        let [revolute, prismatic] = *bound;
+        let bound = match joint.kind {
+            JointKind::Revolute => revolute,
+            JointKind::Prismatic => prismatic,
+        };
+        let [low, high] = *room;
+        *room = [
+            if q - bound > low { q - bound } else { low },
+            if q + bound < high { q + bound } else { high },
+        ];
+    }
+}
+
+/// Moves each of `q` into its interval.
+pub(crate) fn confine<T: Scalar>(q: &mut [T], room: &[[T; 2]]) {
+    for (q, room) in q.iter_mut().zip(room) {
+        *q = confined(*q, room);
+    }
+}
+
+/// Sets `q` to `from` plus `scale` times `step`, each in its interval.
+pub(crate) fn advance<T: Scalar>(from: &[T], step: &[T], scale: T, room: &[[T; 2]], q: &mut [T]) {
+    for ((q, room), (&from, &p)) in q.iter_mut().zip(room).zip(from.iter().zip(step)) {
+        *q = confined(from + p * scale, room);
+    }
+}
 
 /// `x` in the interval `[low, high]`.
 #[inline]

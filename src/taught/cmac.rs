@@ -15,7 +15,7 @@
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use super::{MAX_INPUTS, Region};
+use super::{MAX_INPUTS, MAX_OUTPUTS, Outputs, Place, Region};
 use crate::Scalar;
 
 /// How many cells there are, and where an input lies in them.
@@ -79,7 +79,7 @@ impl Layout {
 const PER_LAYER: usize = 60;
 const PER_INPUT: usize = 50;
 /// Instructions of all else, and in it of an input and its output.
-const AROUND: usize = 200;
+const AROUND: usize = 360;
 const AROUND_INPUT: usize = 60;
 
 /// Corrections of all joints.
@@ -123,31 +123,38 @@ impl<'a, T: Scalar> Cmac<'a, T> {
         usize::from(self.layout.layers) * layer + AROUND + joints * AROUND_INPUT
     }
 
-    /// The corrections at the command `q` (rad or m); `None` outside the region.
+    /// The corrections at the command `q` (rad or m); `None` outside the region, and
+    /// of more than [`MAX_OUTPUTS`] joints.
     pub fn evaluate<const N: usize>(&self, q: &[T; N]) -> Option<[T; N]> {
-        let place = self.region.place(q)?;
-        let mut at = place.x;
-        let half = T::count(i16::from(self.layout.cells)) / T::of(2.0);
-        for at in &mut at {
-            *at = (*at + T::one()) * half;
-        }
-        let at = at.get(..N)?;
-        let (counts, _) = self.table.as_chunks::<2>();
-        let mut sum = [T::zero(); N];
-        let mut total = T::zero();
-        for layer in 0..self.layout.layers {
-            let selected = self.layout.select(layer, at);
-            let first = selected.index.wrapping_mul(N);
-            let weights = counts.get(first..first.wrapping_add(N)).unwrap_or(&[]);
-            total += selected.field;
-            for (sum, &weight) in sum.iter_mut().zip(weights) {
-                *sum += selected.field * T::count(i16::from_le_bytes(weight));
-            }
-        }
-        let share = place.share / total;
-        for (sum, &scale) in sum.iter_mut().zip(&self.scale) {
-            *sum *= scale * share;
-        }
-        Some(sum)
+        T::cells(self, q)?.first_chunk().copied()
     }
+}
+
+/// [`Cmac::evaluate`] of any number of joints.
+pub(crate) fn cells<T: Scalar>(cmac: &Cmac<'_, T>, q: &[T]) -> Option<Outputs<T>> {
+    let Place { x: mut at, share } = cmac.region.place(q)?;
+    let half = T::count(i16::from(cmac.layout.cells)) / T::of(2.0);
+    for at in &mut at {
+        *at = (*at + T::one()) * half;
+    }
+    let at = at.get(..q.len())?;
+    let (counts, _) = cmac.table.as_chunks::<2>();
+    let mut sum = [T::zero(); MAX_OUTPUTS];
+    let mut total = T::zero();
+    for layer in 0..cmac.layout.layers {
+        let selected = cmac.layout.select(layer, at);
+        let first = selected.index.wrapping_mul(q.len());
+        let weights = counts
+            .get(first..first.wrapping_add(q.len()))
+            .unwrap_or(&[]);
+        total += selected.field;
+        for (sum, &weight) in sum.iter_mut().zip(weights) {
+            *sum += selected.field * T::count(i16::from_le_bytes(weight));
+        }
+    }
+    let share = share / total;
+    for (sum, &scale) in sum.iter_mut().zip(&cmac.scale) {
+        *sum *= scale * share;
+    }
+    Some(sum)
 }

@@ -17,6 +17,12 @@ pub use polynomial::Polynomial;
 /// Joints that an approximation can depend on.
 pub const MAX_INPUTS: usize = 12;
 
+/// Joints that an approximation can correct.
+pub const MAX_OUTPUTS: usize = 12;
+
+/// One value an output, and zeros.
+pub(crate) type Outputs<T> = [T; MAX_OUTPUTS];
+
 /// What a blob can carry besides the model. `'a`: the blob.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Taught<'a, T: Scalar> {
@@ -104,29 +110,8 @@ impl<T: Scalar> Region<T> {
 
     /// Where the inputs `q` (rad or m) lie; `None` where nothing counts, which NaN does not
     /// either.
-    #[inline(never)]
     pub fn place(&self, q: &[T]) -> Option<Place<T>> {
-        let mut place = Place {
-            x: [T::zero(); MAX_INPUTS],
-            share: T::one(),
-        };
-        for ((x, &q), &[low, high]) in place.x.iter_mut().zip(q).zip(&self.0) {
-            let y = (q + q - low - high) / (high - low);
-            let beyond = y.abs() - T::one();
-            if beyond > T::zero() {
-                let share = T::one() - beyond / T::of(MARGIN);
-                if share < place.share {
-                    place.share = share;
-                }
-                *x = if y > T::zero() { T::one() } else { -T::one() };
-            } else {
-                *x = y;
-            }
-            if !y.finite() {
-                return None;
-            }
-        }
-        (place.share > T::zero()).then_some(place)
+        T::place(self, q)
     }
 
     /// Each input has a width, and there are as many as expected.
@@ -139,4 +124,29 @@ impl<T: Scalar> Region<T> {
         let one = |range: &[T; 2]| range.map(|x| U::of(x.widen()));
         Region(listed(self.0.iter().map(one)))
     }
+}
+
+/// [`Region::place`].
+pub(crate) fn place<T: Scalar>(region: &Region<T>, q: &[T]) -> Option<Place<T>> {
+    let mut place = Place {
+        x: [T::zero(); MAX_INPUTS],
+        share: T::one(),
+    };
+    for ((x, &q), &[low, high]) in place.x.iter_mut().zip(q).zip(&region.0) {
+        let y = (q + q - low - high) / (high - low);
+        let beyond = y.abs() - T::one();
+        if beyond > T::zero() {
+            let share = T::one() - beyond / T::of(MARGIN);
+            if share < place.share {
+                place.share = share;
+            }
+            *x = if y > T::zero() { T::one() } else { -T::one() };
+        } else {
+            *x = y;
+        }
+        if !y.finite() {
+            return None;
+        }
+    }
+    (place.share > T::zero()).then_some(place)
 }

@@ -22,7 +22,7 @@ const PER_COEFFICIENT: usize = 5;
 const PER_CALL: usize = 35;
 const PER_CALL_OUTPUT: usize = 10;
 /// Instructions of all else, and in it of an input.
-const AROUND: usize = 200;
+const AROUND: usize = 240;
 const PER_INPUT: usize = 60;
 
 /// Corrections of all joints, and what is left of the position on top.
