@@ -281,6 +281,17 @@ impl<'a> Blob<'a> {
     }
 }
 
+/// All of `bytes`, in the format of a body.
+#[cfg(feature = "link")]
+pub(crate) fn read<'a, V: Deserialize<'a>>(bytes: &'a [u8]) -> Result<V, BlobError> {
+    let mut body = body::Body::new(bytes);
+    let value = body.take()?;
+    match body.rest() {
+        0 => Ok(value),
+        bytes => Err(BlobError::Trailing { bytes }),
+    }
+}
+
 /// Checks a blob as [`Blob::decode`] does, with little room. Returns the name of its robot and
 /// its number of joints.
 pub fn examine(bytes: &[u8]) -> Result<(&str, usize), BlobError> {

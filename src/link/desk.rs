@@ -6,7 +6,7 @@ use super::message::{
     Active, Announcement, Ask, Fault, Identity, PROTOCOL, Refusal, Reply, Report, Request, Stage,
 };
 use super::tally::Tally;
-use crate::params::{LAYOUT, OLDEST_LAYOUT, checksum_onwards, examine};
+use crate::params::{LAYOUT, OLDEST_LAYOUT, checksum_onwards, examine, read};
 use crate::storage::{Memory, Progress, StorageError, Store, Update};
 
 /// A blob that is coming.
@@ -89,8 +89,8 @@ impl<'n> Desk<'n> {
         room: &mut [u8],
         tally: &Tally,
     ) -> Option<(u16, Reply<'n>)> {
-        let (number, result) = match frame.map(postcard::take_from_bytes::<Request<'_>>) {
-            Ok(Ok((Request { number, ask }, []))) => {
+        let (number, result) = match frame.map(read::<Request<'_>>) {
+            Ok(Ok(Request { number, ask })) => {
                 (number, self.reply(number, ask, largest, room, tally))
             }
             Ok(_) => (0, Err(Refusal::NotUnderstood)),

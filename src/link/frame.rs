@@ -6,6 +6,7 @@ use cobs::{CobsEncoder, DecodeResult, DecoderState};
 use heapless::Vec;
 use serde::Serialize;
 
+use super::wire::Writer;
 use crate::params::checksum;
 
 /// The longest message, bytes.
@@ -36,7 +37,9 @@ impl Frame {
     /// The frame of `message`; `None` if it is longer than [`PAYLOAD`].
     pub fn of(message: &impl Serialize) -> Option<Self> {
         let mut payload = [0; PAYLOAD];
-        let payload = postcard::to_slice(message, &mut payload).ok()?;
+        let mut writer = Writer::new(&mut payload);
+        message.serialize(&mut writer).ok()?;
+        let payload = writer.written();
         let mut frame = Self::empty();
         let mut encoder = CobsEncoder::new(&mut frame.bytes);
         encoder.push(payload).ok()?;

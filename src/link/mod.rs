@@ -28,6 +28,7 @@ mod desk;
 mod frame;
 mod message;
 mod tally;
+mod wire;
 
 pub use controller::{Event, Link};
 pub use frame::{Decoder, FRAME, Frame, FrameError, PAYLOAD};
