@@ -59,6 +59,12 @@ impl<T: Scalar> Twist<T> {
         Self::new(self.linear + other.linear, self.angular + other.angular)
     }
 
+    /// The same in another number type.
+    pub fn cast<U: Scalar>(&self) -> Twist<U> {
+        let c = |v: &Vector3<T>| v.map(|x| U::of(x.widen()));
+        Twist::new(c(&self.linear), c(&self.angular))
+    }
+
     /// Rows `[dx dy dz rx ry rz]`.
     #[inline]
     pub fn rows(&self) -> [T; 6] {

@@ -13,24 +13,25 @@ use crate::chain::{Frame, Gauge};
 use crate::jacobian::carried;
 use crate::{Convention, Joint, Pose, Scalar, Twist};
 
-/// The described arm beside its baked form, for effects to attach themselves to.
+/// The described arm beside its baked form, for effects to attach themselves to. In double
+/// precision whatever the effects are in: they round once.
 #[derive(Clone, Copy, Debug)]
-pub struct Description<'d, T: Scalar> {
+pub struct Description<'d> {
     /// Described robot base, seen from the baked base.
-    pub base: &'d Pose<T>,
+    pub base: &'d Pose<f64>,
     /// Joints as described.
-    pub joints: &'d [Joint<T>],
+    pub joints: &'d [Joint<f64>],
     /// From [`crate::bake`]: described joint frames after the motion, seen from the baked ones.
-    pub gauges: &'d [Gauge<T>],
+    pub gauges: &'d [Gauge<f64>],
     /// Tool as described: last link's distal frame to tool.
-    pub tool: &'d Pose<T>,
+    pub tool: &'d Pose<f64>,
 }
 
-impl<T: Scalar> Description<'_, T> {
+impl Description<'_> {
     /// The link beyond joint `j`: the next joint's described frame before its motion, seen
     /// from joint `j`'s described frame after the motion. Beyond the last joint: the link's
     /// distal frame, or the tool where zero reference knows no such frame.
-    pub fn link(&self, j: usize) -> Option<Pose<T>> {
+    pub fn link(&self, j: usize) -> Option<Pose<f64>> {
         let joint = self.joints.get(j)?;
         let after = joint.after();
         Some(match self.joints.get(j + 1) {
@@ -56,10 +57,10 @@ impl<T: Scalar> Default for Anchor<T> {
 
 impl<T: Scalar> Anchor<T> {
     /// On the described frame of joint `j`; left on the baked frame if there is no such joint.
-    pub(super) fn of(to: &Description<'_, T>, j: usize) -> Self {
+    pub(super) fn of(to: &Description<'_>, j: usize) -> Self {
         to.gauges.get(j).map_or_else(Self::default, |gauge| {
             let (r, p) = (&gauge.rotation, &gauge.translation);
-            Self([r[(0, 0)], r[(1, 0)], p.x, p.y, p.z])
+            Self([r[(0, 0)], r[(1, 0)], p.x, p.y, p.z].map(T::of))
         })
     }
 
@@ -163,9 +164,9 @@ impl<T: Scalar> Place<T> {
         }
     }
 
-    pub(super) fn attach(&mut self, to: &Description<'_, T>) {
+    pub(super) fn attach(&mut self, to: &Description<'_>) {
         if let Self::Base { axis, unit } = self {
-            *unit = carried(to.base, &unit_twist(*axis));
+            *unit = carried(to.base, &unit_twist(*axis)).cast();
         }
     }
 
@@ -174,10 +175,7 @@ impl<T: Scalar> Place<T> {
             Self::Joint(j) => Place::Joint(*j),
             Self::Base { axis, unit } => Place::Base {
                 axis: *axis,
-                unit: Twist::new(
-                    unit.linear.map(|x| U::of(x.widen())),
-                    unit.angular.map(|x| U::of(x.widen())),
-                ),
+                unit: unit.cast(),
             },
         }
     }

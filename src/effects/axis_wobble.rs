@@ -114,7 +114,7 @@ impl<T: Scalar> EffectModel<T> for AxisWobble<T> {
         core::slice::from_mut(&mut self.order)
     }
 
-    fn attach(&mut self, to: &Description<'_, T>) {
+    fn attach(&mut self, to: &Description<'_>) {
         self.anchor = Anchor::of(to, usize::from(self.joint));
     }
 

@@ -66,9 +66,9 @@ impl<T: Scalar> EffectModel<T> for BaseFlex<T> {
         &mut self.compliance
     }
 
-    fn attach(&mut self, to: &Description<'_, T>) {
+    fn attach(&mut self, to: &Description<'_>) {
         let [x, y, _] = columns(&to.base.rotation);
-        self.base = [x, y, to.base.translation];
+        self.base = [x, y, to.base.translation].map(|v| v.map(T::of));
     }
 
     fn stage(&self) -> Stage {

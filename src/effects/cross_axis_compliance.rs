@@ -64,7 +64,7 @@ impl<T: Scalar> EffectModel<T> for CrossAxisCompliance<T> {
         &mut self.compliance
     }
 
-    fn attach(&mut self, to: &Description<'_, T>) {
+    fn attach(&mut self, to: &Description<'_>) {
         self.anchor = Anchor::of(to, usize::from(self.joint));
     }
 

@@ -79,7 +79,7 @@ impl<T: Scalar> EffectModel<T> for GravityLever<T> {
         &mut self.lever
     }
 
-    fn attach(&mut self, to: &Description<'_, T>) {
+    fn attach(&mut self, to: &Description<'_>) {
         self.anchor = Anchor::of(to, usize::from(self.link));
     }
 

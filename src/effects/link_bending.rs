@@ -132,7 +132,7 @@ impl<T: Scalar> EffectModel<T> for LinkBending<T> {
         &mut self.flexibility
     }
 
-    fn attach(&mut self, to: &Description<'_, T>) {
+    fn attach(&mut self, to: &Description<'_>) {
         let j = usize::from(self.joint);
         let (Some(link), Some(gauge)) = (to.link(j), to.gauges.get(j)) else {
             return;
@@ -141,18 +141,15 @@ impl<T: Scalar> EffectModel<T> for LinkBending<T> {
         let end = link.translation;
         let length = end.norm_squared().root();
         // Where the joint frames fall together the link points along x, by convention.
-        let along = if length > T::of(SHORT) {
-            end / length
-        } else {
-            x
-        };
+        let along = if length > SHORT { end / length } else { x };
         let first = across(&along, &[Vector3::z(), next, Vector3::x(), Vector3::y()]);
         let second = along.cross(&first);
         self.link = Link {
             length,
             end: gauge.point(&end),
             axes: [along, first, second].map(|v| gauge.rotation * v),
-        };
+        }
+        .cast();
     }
 
     fn stage(&self) -> Stage {
@@ -235,11 +232,11 @@ fn beyond<T: Scalar>(
 
 /// Unit vector across `along`: of the first candidate that is at least 30 degrees away from
 /// it, as far as it is across.
-fn across<T: Scalar>(along: &Vector3<T>, candidates: &[Vector3<T>]) -> Vector3<T> {
+fn across(along: &Vector3<f64>, candidates: &[Vector3<f64>]) -> Vector3<f64> {
     for candidate in candidates {
         let rest = candidate - along * along.dot(candidate);
         let square = rest.norm_squared();
-        if square > T::of(0.25) {
+        if square > 0.25 {
             return rest / square.root();
         }
     }

@@ -142,7 +142,7 @@ pub trait EffectModel<T: Scalar> {
 
     /// Sets what is fixed in the links, which has no stored form, from the described arm. To
     /// be called after every bake; an effect that fixes nothing in a link does nothing.
-    fn attach(&mut self, _to: &Description<'_, T>) {}
+    fn attach(&mut self, _to: &Description<'_>) {}
 
     /// When it is evaluated.
     fn stage(&self) -> Stage;
@@ -219,7 +219,7 @@ macro_rules! effects {
 
             /// See [`EffectModel::attach`].
             #[inline(never)]
-            pub fn attach(&mut self, to: &Description<'_, T>) {
+            pub fn attach(&mut self, to: &Description<'_>) {
                 match self { $(Self::$name(e) => e.attach(to)),+ }
             }
 

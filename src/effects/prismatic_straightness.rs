@@ -81,7 +81,7 @@ impl<T: Scalar> EffectModel<T> for PrismaticStraightness<T> {
         &mut self.shape
     }
 
-    fn attach(&mut self, to: &Description<'_, T>) {
+    fn attach(&mut self, to: &Description<'_>) {
         self.anchor = Anchor::of(to, usize::from(self.joint));
     }
 

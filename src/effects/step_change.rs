@@ -91,7 +91,7 @@ impl<T: Scalar> EffectModel<T> for StepChange<T> {
         core::slice::from_mut(&mut self.time)
     }
 
-    fn attach(&mut self, to: &Description<'_, T>) {
+    fn attach(&mut self, to: &Description<'_>) {
         self.place.attach(to);
     }
 

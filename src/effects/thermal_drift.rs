@@ -90,7 +90,7 @@ impl<T: Scalar> EffectModel<T> for ThermalDrift<T> {
         core::slice::from_mut(&mut self.reference)
     }
 
-    fn attach(&mut self, to: &Description<'_, T>) {
+    fn attach(&mut self, to: &Description<'_>) {
         self.place.attach(to);
     }
 

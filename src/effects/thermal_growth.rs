@@ -117,10 +117,10 @@ impl<T: Scalar> EffectModel<T> for ThermalGrowth<T> {
         core::slice::from_mut(&mut self.reference)
     }
 
-    fn attach(&mut self, to: &Description<'_, T>) {
+    fn attach(&mut self, to: &Description<'_>) {
         let j = usize::from(self.joint);
         if let (Some(link), Some(gauge)) = (to.link(j), to.gauges.get(j)) {
-            self.link = gauge.rotation * link.translation;
+            self.link = (gauge.rotation * link.translation).map(T::of);
         }
     }
 

@@ -71,7 +71,7 @@ impl<T: Scalar> EffectModel<T> for TimeDrift<T> {
         &mut self.drift
     }
 
-    fn attach(&mut self, to: &Description<'_, T>) {
+    fn attach(&mut self, to: &Description<'_>) {
         self.place.attach(to);
     }
 

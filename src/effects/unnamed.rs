@@ -211,7 +211,7 @@ impl<T: Scalar> EffectModel<T> for Unnamed<T> {
         &mut self.limits
     }
 
-    fn attach(&mut self, to: &Description<'_, T>) {
+    fn attach(&mut self, to: &Description<'_>) {
         self.place.attach(to);
     }
 

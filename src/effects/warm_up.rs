@@ -90,7 +90,7 @@ impl<T: Scalar> EffectModel<T> for WarmUp<T> {
         core::slice::from_mut(&mut self.tau)
     }
 
-    fn attach(&mut self, to: &Description<'_, T>) {
+    fn attach(&mut self, to: &Description<'_>) {
         self.place.attach(to);
     }
 

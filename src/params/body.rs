@@ -201,6 +201,11 @@ impl<'a> Deserializer<'a> for &mut Body<'a> {
         visitor.visit_f64(self.number()?)
     }
 
+    /// Stored as any real number, rounded once.
+    fn deserialize_f32<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Unreadable> {
+        visitor.visit_f32(self.number()? as f32)
+    }
+
     fn deserialize_str<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Unreadable> {
         let text = core::str::from_utf8(self.bytes()?).map_err(|_| Unreadable)?;
         visitor.visit_borrowed_str(text)
@@ -247,7 +252,7 @@ impl<'a> Deserializer<'a> for &mut Body<'a> {
 
     forward_to_deserialize_any! {
         <V: Visitor<'a>>
-        bool i8 i16 i32 i64 u64 f32 char byte_buf unit unit_struct map identifier ignored_any
+        bool i8 i16 i32 i64 u64 char byte_buf unit unit_struct map identifier ignored_any
     }
 
     fn is_human_readable(&self) -> bool {

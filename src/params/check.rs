@@ -128,7 +128,9 @@ impl<'a> Examination<'a> {
 
     fn effects(&mut self) -> Result<(), BlobError> {
         for k in 0..self.body.count(MAX_EFFECTS)? {
-            let effect: Effect<'a, f64> = self.take()?;
+            // In single precision for one reader of effects less in a controller's program: all that
+            // is looked at here are integers.
+            let effect: Effect<'a, f32> = self.take()?;
             let sound = effect.is_sound(self.joints);
             self.note(sound, BlobError::Effect { effect: number(k) });
         }

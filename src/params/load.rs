@@ -3,6 +3,7 @@
 
 use heapless::Vec;
 use nalgebra::Vector3;
+use serde::Deserialize;
 
 use super::body::Body;
 use super::{BlobError, LABEL, NAME, WITHOUT_TABLES};
@@ -128,7 +129,10 @@ fn arm_of<'a, T: Scalar, const N: usize>(
 
 /// Both chains, and the effects attached to the calibrated one.
 #[inline(never)]
-fn arm<'a, T: Scalar>(body: &mut Body<'a>, mut into: Parts<'_, 'a, T>) -> Result<(), BlobError> {
+fn arm<'a, T: Scalar + Deserialize<'a>>(
+    body: &mut Body<'a>,
+    mut into: Parts<'_, 'a, T>,
+) -> Result<(), BlobError> {
     let mut arm = Described {
         joints: into.joints,
         masses: into.masses,
@@ -160,9 +164,7 @@ fn arm<'a, T: Scalar>(body: &mut Body<'a>, mut into: Parts<'_, 'a, T>) -> Result
     into.effects.clear();
     for _ in 0..body.count(MAX_EFFECTS)? {
         let effect = arm.effect(body)?;
-        into.effects
-            .push(effect.cast())
-            .map_err(|_| BlobError::Body)?;
+        into.effects.push(effect).map_err(|_| BlobError::Body)?;
     }
     Ok(())
 }
@@ -244,8 +246,11 @@ impl Described<'_> {
 
     /// The next effect, attached to the arm.
     #[inline(never)]
-    fn effect<'a>(&self, body: &mut Body<'a>) -> Result<Effect<'a, f64>, BlobError> {
-        let mut effect: Effect<'a, f64> = body.take()?;
+    fn effect<'a, T: Scalar + Deserialize<'a>>(
+        &self,
+        body: &mut Body<'a>,
+    ) -> Result<Effect<'a, T>, BlobError> {
+        let mut effect: Effect<'a, T> = body.take()?;
         effect.attach(&Description {
             base: &self.base,
             joints: self.joints,
