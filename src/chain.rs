@@ -14,6 +14,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::pose::seen;
 use crate::{Convention, Joint, JointKind, Pose, Scalar};
 
 /// What gravity acts on in one link.
@@ -197,7 +198,7 @@ pub fn bake<T: Scalar>(
         *gauge = slide.inverse();
         baked.mass = LinkMass {
             mass: mass.mass,
-            com: gauge.point(&after.point(&mass.com)),
+            com: seen(gauge, &seen(&after, &mass.com)),
         };
         next = match joint.convention {
             Convention::Dh | Convention::Hayati => slide,

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::chain::{BakedJoint, Frame, Gauge};
+use crate::pose::{crossed, rotated};
 use crate::{Joint, JointKind, Parameter, Pose, Scalar, Twist};
 
 /// Displacement of the tool point per unit of one joint (rad or m): a column of the joint
@@ -58,8 +59,8 @@ impl<T: Scalar> AttachedTwist<T> {
 
 /// A twist seen from another frame: `pose` is the twist's own frame seen from there.
 pub fn carried<T: Scalar>(pose: &Pose<T>, twist: &Twist<T>) -> Twist<T> {
-    let w = pose.rotation * twist.angular;
-    let v = pose.rotation * twist.linear + pose.translation.cross(&w);
+    let w = rotated(&pose.rotation, &twist.angular);
+    let v = rotated(&pose.rotation, &twist.linear) + crossed(&pose.translation, &w);
     Twist::new(v, w)
 }
 

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use crate::pose::{crossed, seen};
 use crate::{Pose, Scalar, Twist};
 
 /// What a joint's reading means.
@@ -206,12 +207,13 @@ impl<T: Scalar> Joint<T> {
         } else {
             Vector3::z()
         };
-        let y = z.cross(&helper);
+        let y = crossed(&z, &helper);
         let y = y / y.norm_squared().root();
-        let x = y.cross(&z);
+        let x = crossed(&y, &z);
         let [across, along] = self.shift;
-        let origin = self.point + x * across + y * along;
-        Pose::new(Matrix3::from_columns(&[x, y, z]), origin)
+        let axes = Pose::new(Matrix3::from_columns(&[x, y, z]), self.point);
+        let origin = seen(&axes, &Vector3::new(across, along, T::zero()));
+        Pose::new(axes.rotation, origin)
             .turned_x(self.turn[0])
             .turned_y(self.turn[1])
     }

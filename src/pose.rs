@@ -141,10 +141,10 @@ impl<T: Scalar> Pose<T> {
     }
 
     /// Pose of A seen from B.
-    #[inline]
+    #[inline(never)]
     pub fn inverse(&self) -> Self {
         let r = self.rotation.transpose();
-        Self::new(r, -(r * self.translation))
+        Self::new(r, -rotated(&r, &self.translation))
     }
 
     /// Point given in B (m), seen from A.
@@ -254,24 +254,34 @@ impl<T: Scalar> Pose<T> {
 
     /// Rotation by a rotation vector (rad).
     pub fn from_rotation_vector(w: &Vector3<T>) -> Self {
-        Self::identity().displaced(&Twist::new(Vector3::zeros(), *w))
+        // Rodrigues' formula: cos(angle) I + a [w] + b w wᵀ.
+        let (a, b) = rodrigues(w.norm_squared());
+        let [p, q, r] = [w.x * b, w.y * b, w.z * b];
+        let (xx, yy, zz) = (w.x * p, w.y * q, w.z * r);
+        let (xy, yz, zx) = (w.x * q, w.y * r, w.z * p);
+        let (x, y, z) = (w.x * a, w.y * a, w.z * a);
+        let cosine = T::one() - xx - yy - zz;
+        Self::new(
+            Matrix3::new(
+                cosine + xx,
+                xy - z,
+                zx + y,
+                xy + z,
+                cosine + yy,
+                yz - x,
+                zx - y,
+                yz + x,
+                cosine + zz,
+            ),
+            Vector3::zeros(),
+        )
     }
 
     /// Displaced by a small `twist` (axes of A at B's origin): the translation is added, the
     /// rotation vector turns the rotation from the left, by Rodrigues' formula.
     pub fn displaced(&self, twist: &Twist<T>) -> Self {
         let w = &twist.angular;
-        let angle2 = w.norm_squared();
-        // Below this angle the series to the fourth power is exact to rounding.
-        let (a, b) = if angle2 * angle2 < T::EPSILON {
-            let sixth = T::of(1.0 / 6.0);
-            let half = T::of(0.5);
-            (T::one() - angle2 * sixth, half - angle2 * T::of(1.0 / 24.0))
-        } else {
-            let angle = angle2.root();
-            let (s, c) = angle.sincos();
-            (s / angle, (T::one() - c) / angle2)
-        };
+        let (a, b) = rodrigues(w.norm_squared());
         let axes = columns(&self.rotation).map(|axis| {
             let once = w.cross(&axis);
             axis + once * a + w.cross(&once) * b
@@ -307,6 +317,45 @@ impl<T: Scalar> Pose<T> {
     pub fn is_finite(&self) -> bool {
         self.rotation.iter().all(|x| x.finite()) && self.translation.iter().all(|x| x.finite())
     }
+}
+
+/// `sin(x) / x` and `(1 - cos(x)) / x²` of an angle x (rad), whose square is given.
+#[inline]
+fn rodrigues<T: Scalar>(angle2: T) -> (T, T) {
+    // Below this angle the series to the fourth power is exact to rounding.
+    if angle2 * angle2 < T::EPSILON {
+        let sixth = T::of(1.0 / 6.0);
+        let half = T::of(0.5);
+        (T::one() - angle2 * sixth, half - angle2 * T::of(1.0 / 24.0))
+    } else {
+        let angle = angle2.root();
+        let (s, c) = angle.sincos();
+        (s / angle, (T::one() - c) / angle2)
+    }
+}
+
+/// `r v`, out of line: what bakes does it often and in double precision, where each operation is
+/// a call on a controller.
+#[inline(never)]
+pub(crate) fn rotated<T: Scalar>(r: &Matrix3<T>, v: &Vector3<T>) -> Vector3<T> {
+    let mut sum = Vector3::zeros();
+    for (axis, &v) in columns(r).iter().zip(v.iter()) {
+        for (sum, &axis) in sum.iter_mut().zip(axis.iter()) {
+            *sum += axis * v;
+        }
+    }
+    sum
+}
+
+/// `a x b`, out of line likewise.
+#[inline(never)]
+pub(crate) fn crossed<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
+    a.cross(b)
+}
+
+/// [`Pose::point`], out of line likewise.
+pub(crate) fn seen<T: Scalar>(pose: &Pose<T>, point: &Vector3<T>) -> Vector3<T> {
+    pose.translation + rotated(&pose.rotation, point)
 }
 
 /// The three axes of a rotation.

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::{Description, Displacement, EffectModel, Posture, Selector, Stage, unit};
-use crate::pose::columns;
+use crate::pose::{columns, crossed, rotated, seen};
 use crate::{Scalar, Twist};
 
 /// Link bending under gravity's force F and moment M of what lies beyond the link. MRD 7.7.
@@ -143,11 +143,11 @@ impl<T: Scalar> EffectModel<T> for LinkBending<T> {
         // Where the joint frames fall together the link points along x, by convention.
         let along = if length > SHORT { end / length } else { x };
         let first = across(&along, &[Vector3::z(), next, Vector3::x(), Vector3::y()]);
-        let second = along.cross(&first);
+        let second = crossed(&along, &first);
         self.link = Link {
             length,
-            end: gauge.point(&end),
-            axes: [along, first, second].map(|v| gauge.rotation * v),
+            end: seen(gauge, &end),
+            axes: [along, first, second].map(|v| rotated(&gauge.rotation, &v)),
         }
         .cast();
     }

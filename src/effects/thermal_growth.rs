@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::{Ambient, Description, Displacement, EffectModel, Posture, Selector, Stage, entry};
+use crate::pose::rotated;
 use crate::{JointKind, Scalar, Twist};
 
 /// Thermal growth: lengthens the link beyond the joint by `growth` of its length per K, along
@@ -120,7 +121,7 @@ impl<T: Scalar> EffectModel<T> for ThermalGrowth<T> {
     fn attach(&mut self, to: &Description<'_>) {
         let j = usize::from(self.joint);
         if let (Some(link), Some(gauge)) = (to.link(j), to.gauges.get(j)) {
-            self.link = (gauge.rotation * link.translation).map(T::of);
+            self.link = rotated(&gauge.rotation, &link.translation).map(T::of);
         }
     }
 

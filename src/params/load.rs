@@ -2,7 +2,7 @@
 //! model is there only while it is needed. Baked in `f64`, rounded once.
 
 use heapless::Vec;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 
 use super::body::Body;
@@ -10,6 +10,7 @@ use super::{BlobError, LABEL, NAME, WITHOUT_TABLES};
 use crate::chain::{BakedJoint, Gauge, LinkMass, bake};
 use crate::effects::{Description, Effect};
 use crate::model::{BakedChain, MAX_EFFECTS, Model};
+use crate::pose::rotated;
 use crate::taught::{Cmac, Polynomial, Taught};
 use crate::{Convention, Joint, JointKind, Pose, Scalar, Settings, StoredPose};
 
@@ -113,18 +114,33 @@ fn arm_of<'a, T: Scalar, const N: usize>(
     body: &mut Body<'a>,
     model: &mut Model<'a, T, N>,
 ) -> Result<(), BlobError> {
+    // All zeros, which is least to set: nothing looks at them before they are read or baked.
+    let joint = Joint {
+        axis: Vector3::zeros(),
+        ..Joint::new(JointKind::Revolute, Convention::Dh)
+    };
+    let baked = BakedJoint {
+        sincos_theta: [0.0; 2],
+        cos_alpha: 0.0,
+        ..BakedJoint::identity()
+    };
     let parts = Parts {
         nominal: ChainParts::of(&mut model.nominal),
         calibrated: ChainParts::of(&mut model.calibrated),
         effects: &mut model.effects,
         limits: &mut model.limits,
         resolution: &mut model.resolution,
-        joints: &mut [Joint::new(JointKind::Revolute, Convention::Dh); N],
+        joints: &mut [joint; N],
         masses: &mut [LinkMass::none(); N],
-        baked: &mut [BakedJoint::identity(); N],
-        gauges: &mut [Pose::identity(); N],
+        baked: &mut [baked; N],
+        gauges: &mut [nowhere(); N],
     };
     T::arm(body, parts)
+}
+
+/// No pose yet.
+fn nowhere() -> Pose<f64> {
+    Pose::new(Matrix3::zeros(), Vector3::zeros())
 }
 
 /// Both chains, and the effects attached to the calibrated one.
@@ -138,10 +154,10 @@ fn arm<'a, T: Scalar + Deserialize<'a>>(
         masses: into.masses,
         baked: into.baked,
         gauges: into.gauges,
-        base: Pose::identity(),
-        tool: Pose::identity(),
-        baked_base: Pose::identity(),
-        baked_tool: Pose::identity(),
+        base: nowhere(),
+        tool: nowhere(),
+        baked_base: nowhere(),
+        baked_tool: nowhere(),
     };
     arm.read(body)?;
     into.nominal.round(&arm);
@@ -157,8 +173,8 @@ fn arm<'a, T: Scalar + Deserialize<'a>>(
         *resolution = T::of(body.take()?);
     }
     let gravity = Vector3::from(body.take::<[f64; 3]>()?);
-    *into.nominal.gravity = (nominal * gravity).map(T::of);
-    *into.calibrated.gravity = (arm.base.rotation * gravity).map(T::of);
+    *into.nominal.gravity = rotated(&nominal, &gravity).map(T::of);
+    *into.calibrated.gravity = rotated(&arm.base.rotation, &gravity).map(T::of);
     // From here on the described base as it is seen from the baked one, which effects want.
     arm.base = arm.baked_base.inverse().then(&arm.base);
     into.effects.clear();
