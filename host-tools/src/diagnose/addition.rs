@@ -7,7 +7,7 @@ use truepose::effects::KINDS;
 use super::clock::needs_time;
 use super::curve::{self, Smoothness};
 use super::exchange::EVIDENT;
-use super::hypothesis::{Hypothesis, Members, curves};
+use super::hypothesis::{Hypothesis, Members, YIELDS, curves};
 use super::model::Extended;
 use super::search::{ALPHA, Ranked, Search, Step};
 use super::sensible::sensible;
@@ -28,11 +28,11 @@ const FEW: usize = 3;
 
 /// Angles of blocks in joint space may be angles that the rest of the rows do not show, and
 /// there a curve says nothing: it may not be worse there, by this many standard errors.
-const UNSEEN: f64 = -1.0;
+pub(super) const UNSEEN: f64 = -1.0;
 
 /// A joint's curve as smooth as is likeliest.
-struct Smoothed {
-    curve: Hypothesis,
+pub(super) struct Smoothed {
+    pub(super) curve: Hypothesis,
     smooth: Smoothness,
     /// Columns of its amplitudes.
     columns: DMatrix<f64>,
@@ -296,7 +296,7 @@ impl Search<'_> {
 
     /// The curve of the candidate's joint, as smooth as is likeliest; `None` where there is one
     /// already or the joint does not turn.
-    fn smoothed(
+    pub(super) fn smoothed(
         &self,
         model: &Extended,
         candidate: &Hypothesis,
@@ -331,7 +331,7 @@ impl Search<'_> {
     }
 
     /// What a curve does to rows held back at random, in blocks of time, in blocks of joint space.
-    fn held_back_from(&self, found: &Smoothed, linear: &Linear) -> [Comparison; 3] {
+    pub(super) fn held_back_from(&self, found: &Smoothed, linear: &Linear) -> [Comparison; 3] {
         let prior = curve::precision_of_waves(found.smooth);
         [0, 1, 2].map(|b| {
             let held_back = HeldBack::new(
@@ -347,7 +347,7 @@ impl Search<'_> {
 }
 
 /// A function of the joint's reading and of nothing else.
-fn is_of_reading(hypothesis: &Hypothesis) -> bool {
+pub(super) fn is_of_reading(hypothesis: &Hypothesis) -> bool {
     matches!(
         hypothesis.kind,
         "gear-eccentricity" | "joint-gain" | "gear-ripple"
@@ -406,18 +406,21 @@ fn plainer(
     };
     let found = match candidate.kind {
         "link-bending" => vec![
-            first(&|h| h.kind == "joint-compliance" && h.joint.is_none()),
+            first(&is_gravity_on_all),
             first(&|h| h.kind == "cross-axis-compliance"),
         ],
         "base-flex" | "cross-axis-compliance" | "unnamed" => {
-            vec![first(&|h| {
-                h.kind == "joint-compliance" && h.joint.is_none()
-            })]
+            vec![first(&is_gravity_on_all)]
         }
         "axis-wobble" => vec![first(&|h| h.is_in_joint_frame_of(candidate))],
         _ => Vec::new(),
     };
     found.into_iter().flatten().collect()
+}
+
+/// Weight where it is described, or at the tool, on all joints.
+fn is_gravity_on_all(hypothesis: &Hypothesis) -> bool {
+    hypothesis.kind == YIELDS && hypothesis.joint.is_none() && !hypothesis.has_levers()
 }
 
 /// Held back in blocks of time, these have nothing to be predicted from. A term without a name

@@ -54,7 +54,10 @@ impl Search<'_> {
         for _ in 0..EXCHANGES {
             match self.exchange_once(&model) {
                 Some(better) => model = better,
-                None => match self.pair_instead(&model) {
+                None => match self
+                    .curve_for_several(&model)
+                    .or_else(|| self.pair_instead(&model))
+                {
                     Some(better) => model = better,
                     None => break,
                 },

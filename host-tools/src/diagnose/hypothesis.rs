@@ -1,5 +1,7 @@
 //! What may be missing: every effect, joint and order that the data's columns allow.
 
+use std::mem::{Discriminant, discriminant};
+
 use truepose::JointKind;
 use truepose::effects::{Effect, KINDS, Kind, Needs, Selector, Shape, Wish, Wobble};
 
@@ -52,6 +54,12 @@ impl Hypothesis {
             && self.is_same_form(other)
     }
 
+    /// True where weight pulls at free levers.
+    pub(super) fn has_levers(&self) -> bool {
+        let lever = |e: &Effect<'static, f64>| matches!(e, Effect::GravityLever(_));
+        matches!(&self.members, Members::Effects(effects) if effects.iter().any(lever))
+    }
+
     /// True where this is an axis that wobbles in the joint's own frame, and `other` the same
     /// axis wobbling in directions of the link before.
     pub(super) fn is_in_joint_frame_of(&self, other: &Self) -> bool {
@@ -101,14 +109,13 @@ impl Hypothesis {
         self.len() == 0
     }
 
-    /// Which components of its kind and sensors, in order. Constants that are refined do not
-    /// count.
-    fn components(&self) -> Vec<[Option<u8>; 2]> {
+    /// Which forms, components and sensors, in order. Constants that are refined do not count.
+    fn components(&self) -> Vec<(Discriminant<Effect<'static, f64>>, [Option<u8>; 2])> {
         match &self.members {
             Members::Effects(effects) => effects
                 .iter()
-                .map(|e| e.model().selector())
-                .map(|s| [s.component, s.sensor])
+                .map(|e| (discriminant(e), e.model().selector()))
+                .map(|(form, s)| (form, [s.component, s.sensor]))
                 .collect(),
             Members::EarlyReading | Members::Curve(_) => Vec::new(),
         }
@@ -143,8 +150,14 @@ const WOBBLES: u32 = 6;
 /// refined afterwards.
 const STEPS: usize = 19;
 
+/// Joints that give way, to described masses or to weight that nobody has described.
+pub(super) const YIELDS: &str = "joint-compliance";
+
 /// What the data can show.
 struct Conditions {
+    /// Links whose masses are described.
+    links: bool,
+    /// Masses of links or a payload.
     masses: bool,
     direction: bool,
     /// Temperature sensors that change.
@@ -167,9 +180,10 @@ fn conditions(arm: &ArmModel, observations: &[&Observation]) -> Conditions {
             .iter()
             .any(|o| (o.ambient.temperature[sensor] - first).abs() > 0.1)
     };
+    let links = arm.masses.iter().any(|m| m.mass > 0.0);
     Conditions {
-        masses: arm.masses.iter().any(|m| m.mass > 0.0)
-            || observations.iter().any(|o| o.ambient.payload > 0.0),
+        links,
+        masses: links || observations.iter().any(|o| o.ambient.payload > 0.0),
         direction: observations
             .iter()
             .any(|o| o.direction.iter().any(|d| d.abs() > 0.5)),
@@ -236,13 +250,17 @@ pub fn hypotheses(arm: &ArmModel, observations: &[&Observation]) -> Vec<Hypothes
             "joint-curve" => {}
             // others come from the periodogram
             "gear-ripple" => families.push(ripples(kind, arm)),
+            // a weight at the tool stands for all the weight that nobody has described
+            "tool-load" if !conditions.links => {
+                let mut family = family(kind, arm, &conditions);
+                family.iter_mut().for_each(|h| h.kind = YIELDS);
+                families.push(family);
+            }
             _ if allowed => families.push(family(kind, arm, &conditions)),
             _ => {}
         }
     }
-    if !conditions.masses {
-        families.push(levers(arm));
-    }
+    families.push(levers(arm));
     if conditions.order {
         families.push(vec![Hypothesis {
             kind: "early-reading",
@@ -397,23 +415,26 @@ fn seen_as(kind: &'static str) -> &'static str {
     }
 }
 
-/// Free gravity levers of every joint, for arms whose masses are not known.
+/// Free gravity levers of every joint, and of all: the weight of the links, nobody knows how
+/// much and where.
 fn levers(arm: &ArmModel) -> Vec<Hypothesis> {
-    let Some(kind) = Kind::of("joint-compliance") else {
+    let Some(kind) = Kind::of(YIELDS) else {
         return Vec::new();
     };
     let n = arm.joint_count();
-    (0..n)
-        .filter_map(|j| {
-            let selectors: Vec<Selector> = (j..n)
-                .map(|link| Selector {
-                    joint: Some(j),
-                    from: Some(link),
-                    ..Selector::default()
-                })
-                .collect();
+    let of = |j: usize| {
+        (j..n).map(move |link| Selector {
+            joint: Some(j),
+            from: Some(link),
+            ..Selector::default()
+        })
+    };
+    let each = (0..n).map(|j| (Some(j), of(j).collect()));
+    let all: (_, Vec<Selector>) = (None, (0..n).flat_map(of).collect());
+    each.chain([all])
+        .filter_map(|(joint, selectors)| {
             let shown = Selector {
-                joint: Some(j),
+                joint,
                 ..Selector::default()
             };
             one(kind, arm, shown, &selectors, None)

@@ -24,6 +24,7 @@ mod rivals;
 mod run;
 pub mod search;
 mod sensible;
+mod several;
 mod smoothness;
 pub mod space;
 pub mod unnamed;

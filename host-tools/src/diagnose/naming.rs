@@ -4,7 +4,7 @@ use super::exchange::Substitute;
 use super::hypothesis::Members;
 use super::model::Extended;
 use super::rivals::bic;
-use super::search::{Search, overlaps};
+use super::search::{Search, is_same_name};
 use super::sensible::sensible;
 
 /// Cosine from which two explanations are one direction in these poses.
@@ -34,7 +34,7 @@ impl Search<'_> {
         let found = self.substitutes(model, index, false).ok()?;
         let same = |s: &Substitute| {
             s.sameness > ONE
-                && !overlaps(own, &s.hypothesis)
+                && !is_same_name(own, &s.hypothesis)
                 // one wobble has a name in either frame: its joint's is the one that is used
                 && own.kind != "axis-wobble"
         };

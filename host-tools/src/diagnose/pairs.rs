@@ -10,7 +10,7 @@ use super::exchange::EVIDENT;
 use super::hypothesis::Hypothesis;
 use super::model::Extended;
 use super::refine::refined;
-use super::search::{ALPHA, Search, overlaps};
+use super::search::{ALPHA, Search, is_same_name};
 use super::sensible::sensible;
 use super::space::{Columns, SHOWS, Score, Space, columns};
 
@@ -85,7 +85,7 @@ impl Search<'_> {
             for (i, score) in scores.iter().enumerate() {
                 let both = worth(&alone[first], first) + worth(score, i);
                 let better = both > best.map_or(least, |b| b.0);
-                if better && passes(score, i) && !overlaps(&candidates[first], &candidates[i]) {
+                if better && passes(score, i) && !is_same_name(&candidates[first], &candidates[i]) {
                     best = Some((both, [first, i]));
                 }
             }

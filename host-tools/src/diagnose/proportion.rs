@@ -182,15 +182,24 @@ fn together(parts: &[Part]) -> Vec<Part> {
     places.into_iter().filter_map(whole).collect()
 }
 
-/// What was named, as fitted.
+/// What was named, as fitted: what one name does to one joint is one part.
 fn parts(model: &Extended, observations: &[&Observation], sigmas: Sigmas) -> Vec<Part> {
     let mut parts = Vec::new();
     for (index, hypothesis) in model.accepted.iter().enumerate() {
         if let Members::Effects(effects) = &hypothesis.members
             && hypothesis.kind != "unnamed"
         {
-            let of = |effect| part(model, index, effect, observations, sigmas);
-            parts.extend(effects.iter().map(of));
+            let mut joints: Vec<Option<usize>> = Vec::new();
+            for joint in effects.iter().map(|e| e.model().joint()) {
+                if !joints.contains(&joint) {
+                    joints.push(joint);
+                }
+            }
+            for joint in joints {
+                let on = effects.iter().filter(|e| e.model().joint() == joint);
+                let on: Vec<&Effect<'static, f64>> = on.collect();
+                parts.push(part(model, index, joint, &on, observations, sigmas));
+            }
         }
     }
     parts
@@ -199,12 +208,11 @@ fn parts(model: &Extended, observations: &[&Observation], sigmas: Sigmas) -> Vec
 fn part(
     model: &Extended,
     index: usize,
-    effect: &Effect<'static, f64>,
+    joint: Option<usize>,
+    effects: &[&Effect<'static, f64>],
     observations: &[&Observation],
     sigmas: Sigmas,
 ) -> Part {
-    let values = effect.model().values();
-    let joint = effect.model().joint();
     let torque = joint
         .and_then(|j| u8::try_from(j).ok())
         .map(|j| Effect::JointCompliance(JointCompliance::new(j)));
@@ -216,9 +224,12 @@ fn part(
         evaluator.each_posture(o, |evaluator, posture| {
             let at = posture.at;
             let mut whole = Twist::zero();
-            evaluator.effect_twists(at, effect, |k, twist| {
-                whole = whole.plus(&twist.scaled(values[k]));
-            });
+            for effect in effects {
+                let values = effect.model().values();
+                evaluator.effect_twists(at, effect, |k, twist| {
+                    whole = whole.plus(&twist.scaled(values[k]));
+                });
+            }
             let mut load = 0.0;
             if let Some(torque) = &torque {
                 evaluator.effect_twists(at, torque, |_, twist| load = size(&twist));

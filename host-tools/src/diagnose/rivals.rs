@@ -4,7 +4,7 @@ use super::curve::{Smoothness, precision};
 use super::exchange::{RIVAL, Substitute};
 use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
-use super::search::{Search, overlaps};
+use super::search::{Search, is_same_name};
 use crate::identify::linearize::residuals;
 
 /// Rivals that are fitted beside curves, the likeliest first.
@@ -38,7 +38,7 @@ pub(super) fn rivals(search: &Search<'_>, model: &Extended, index: usize) -> Vec
     let own = substitutes.own;
     // another time of the same step, the group of the same joint: no other explanation
     let mut others = substitutes.others;
-    others.retain(|other| !overlaps(known, &other.hypothesis));
+    others.retain(|other| !is_same_name(known, &other.hypothesis));
     // of one rival with several constants the best
     let mut seen: Vec<String> = Vec::new();
     others.retain(|other| {

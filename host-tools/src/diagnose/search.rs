@@ -1,5 +1,9 @@
 //! Which effects: add the best, refit all, exchange, remove; until nothing passes.
 
+use std::mem::discriminant;
+
+use truepose::effects::Effect;
+
 use super::hypothesis::{Hypothesis, Members, hypotheses};
 use super::model::Extended;
 use super::noise::estimated;
@@ -115,16 +119,14 @@ impl<'a> Search<'a> {
         let mut been: Vec<Vec<String>> = Vec::new();
         loop {
             while let Some(step) = self.best_addition(&model)? {
-                let mut accepted = model.accepted.clone();
-                accepted.push(step.hypothesis.clone());
+                let (accepted, place) = self.with_room(&model, &step.hypothesis);
                 model = self.fit(&model.arm, accepted)?;
-                let last = model.accepted.len() - 1;
-                model = self.pruned(model, last);
+                model = self.pruned(model, place);
                 model = self.weighed(model)?;
                 model = refined(self, model);
                 model = self.weighed(model)?;
                 progress(&step.hypothesis.label());
-                let hypothesis = model.accepted.last().cloned();
+                let hypothesis = model.accepted.get(place).cloned();
                 steps.push(Step {
                     hypothesis: hypothesis.unwrap_or(step.hypothesis),
                     ..step
@@ -163,9 +165,24 @@ impl<'a> Search<'a> {
         self.hypotheses
             .iter()
             .filter(|h| !model.accepted.iter().any(|a| overlaps(a, h)))
+            .filter(|h| !h.has_levers() || self.may_pull(model, h))
             .filter(|h| !self.is_refused(h))
             .cloned()
             .collect()
+    }
+
+    /// Whether to ask for the weight at free levers. Where masses are described, once their joint
+    /// is known to give way to them: they may be wrong.
+    fn may_pull(&self, model: &Extended, levers: &Hypothesis) -> bool {
+        let described = model.arm.masses.iter().any(|m| m.mass > 0.0);
+        let yields = |h: &Hypothesis| match &h.members {
+            Members::Effects(effects) => effects.iter().any(|e| {
+                let on = levers.joint.is_none() || e.model().joint() == levers.joint;
+                on && matches!(e, Effect::JointCompliance(_))
+            }),
+            Members::EarlyReading | Members::Curve(_) => false,
+        };
+        !described || model.accepted.iter().any(|h| yields(h) || h.has_levers())
     }
 
     /// The same with the strongest lines of the periodogram and the best terms without a name.
@@ -194,24 +211,37 @@ fn labels(model: &Extended) -> Vec<String> {
     labels
 }
 
-/// Same kind on the same joint, so that both at once make no sense: other constants of one
-/// kind, or one joint of a group that is in.
-pub(super) fn overlaps(accepted: &Hypothesis, candidate: &Hypothesis) -> bool {
+/// Same kind on the same joint: other constants of one kind, or one joint of a group that is in.
+pub(super) fn is_same_name(accepted: &Hypothesis, candidate: &Hypothesis) -> bool {
+    overlap(accepted, candidate, &|_, _| true)
+}
+
+/// The same form of it as well, so that both at once make no sense. A joint may give way to
+/// described masses and to weight that they lack.
+fn overlaps(accepted: &Hypothesis, candidate: &Hypothesis) -> bool {
+    overlap(accepted, candidate, &|a, b| {
+        discriminant(a) == discriminant(b)
+    })
+}
+
+fn overlap(
+    accepted: &Hypothesis,
+    candidate: &Hypothesis,
+    alike: &dyn Fn(&Effect<'static, f64>, &Effect<'static, f64>) -> bool,
+) -> bool {
     if accepted.is_same(candidate) {
         return true;
     }
-    if accepted.kind != candidate.kind || candidate.kind == "unnamed" {
+    let of_another_kind = accepted.kind != candidate.kind || candidate.kind == "unnamed";
+    if of_another_kind || candidate.order.is_some() || candidate.from.is_some() {
         return false;
     }
-    let joints = |h: &Hypothesis| -> Vec<Option<usize>> {
-        match &h.members {
-            Members::Effects(effects) => effects.iter().map(|e| e.model().joint()).collect(),
-            Members::EarlyReading | Members::Curve(_) => vec![accepted.joint],
-        }
-    };
-    if candidate.order.is_some() || candidate.from.is_some() {
-        return false;
+    match (&accepted.members, &candidate.members) {
+        (Members::Effects(ours), Members::Effects(theirs)) => theirs.iter().any(|b| {
+            let joint = b.model().joint();
+            ours.iter()
+                .any(|a| a.model().joint() == joint && alike(a, b))
+        }),
+        _ => accepted.joint == candidate.joint,
     }
-    let in_model = joints(accepted);
-    joints(candidate).iter().any(|j| in_model.contains(j))
 }

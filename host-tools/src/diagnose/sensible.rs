@@ -44,10 +44,12 @@ pub(super) fn sensible(model: &Extended, index: usize) -> bool {
             .iter()
             .enumerate()
             .all(|(value, v)| {
+                let unit = effect.model().parameters().get(value).map_or("", |p| p.1);
+                // a lever may point either way
                 let stiff = matches!(
                     hypothesis.kind,
                     "joint-compliance" | "cross-axis-compliance" | "thermal-growth"
-                );
+                ) && unit != "rad s^2/m";
                 let sigma = model
                     .fit
                     .sigma(Unknown::Effect {
@@ -55,7 +57,6 @@ pub(super) fn sensible(model: &Extended, index: usize) -> bool {
                         value,
                     })
                     .unwrap_or(0.0);
-                let unit = effect.model().parameters().get(value).map_or("", |p| p.1);
                 within(hypothesis.kind, unit, *v) && !(stiff && *v < -3.0 * sigma)
             })
     });
