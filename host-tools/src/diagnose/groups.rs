@@ -34,9 +34,9 @@ impl Search<'_> {
         }
     }
 
-    /// The model's hypotheses with `addition`, and its place among them. Free levers stand for
-    /// all weight beyond a joint, so that described masses and a weight at the tool leave it to
-    /// them; where the payload varies it tells masses from levers.
+    /// The model's hypotheses with `addition`, and its place among them. Free levers of all links
+    /// beyond a joint stand for all weight there, so that described masses and a weight at the
+    /// tool leave it to them; where the payload varies it tells masses from levers.
     pub(super) fn with_room(
         &self,
         model: &Extended,
@@ -45,12 +45,17 @@ impl Search<'_> {
         let payloads = || self.observations.iter().map(|o| o.ambient.payload);
         let low = payloads().fold(f64::INFINITY, f64::min);
         let varies = payloads().any(|p| p > low);
-        let levers: Vec<Option<usize>> = match &addition.members {
-            Members::Effects(effects) if addition.has_levers() => {
-                effects.iter().map(|e| e.model().joint()).collect()
-            }
-            _ => Vec::new(),
+        let on = |joint| {
+            let levers = match &addition.members {
+                Members::Effects(effects) if addition.has_levers() => effects.as_slice(),
+                _ => &[],
+            };
+            let on = levers.iter().filter(|e| e.model().joint() == Some(joint));
+            on.count()
         };
+        let joints = 0..model.arm.joint_count();
+        let all = |&j: &usize| on(j) == model.arm.joint_count() - j;
+        let levers: Vec<Option<usize>> = joints.filter(all).map(Some).collect();
         let mut accepted = Vec::with_capacity(model.accepted.len() + 1);
         let mut place = None;
         for hypothesis in &model.accepted {

@@ -39,6 +39,13 @@ pub enum Members {
     Curve(Smoothness),
 }
 
+/// Form, component and sensor, link or other joint of an effect.
+type Component = (
+    Discriminant<Effect<'static, f64>>,
+    [Option<u8>; 2],
+    Option<usize>,
+);
+
 impl Hypothesis {
     /// Same kind, joint, order, other joint and components.
     pub fn is_same(&self, other: &Self) -> bool {
@@ -109,13 +116,14 @@ impl Hypothesis {
         self.len() == 0
     }
 
-    /// Which forms, components and sensors, in order. Constants that are refined do not count.
-    fn components(&self) -> Vec<(Discriminant<Effect<'static, f64>>, [Option<u8>; 2])> {
+    /// Which forms, components, sensors and links, in order. Constants that are refined do not
+    /// count.
+    fn components(&self) -> Vec<Component> {
         match &self.members {
             Members::Effects(effects) => effects
                 .iter()
                 .map(|e| (discriminant(e), e.model().selector()))
-                .map(|(form, s)| (form, [s.component, s.sensor]))
+                .map(|(form, s)| (form, [s.component, s.sensor], s.from))
                 .collect(),
             Members::EarlyReading | Members::Curve(_) => Vec::new(),
         }
@@ -415,31 +423,35 @@ fn seen_as(kind: &'static str) -> &'static str {
     }
 }
 
-/// Free gravity levers of every joint, and of all: the weight of the links, nobody knows how
-/// much and where.
+/// Free gravity levers: the weight of one link on a joint, of all links beyond it, of all links
+/// on all joints. Nobody knows how much it is and where.
 fn levers(arm: &ArmModel) -> Vec<Hypothesis> {
     let Some(kind) = Kind::of(YIELDS) else {
         return Vec::new();
     };
     let n = arm.joint_count();
-    let of = |j: usize| {
-        (j..n).map(move |link| Selector {
-            joint: Some(j),
-            from: Some(link),
-            ..Selector::default()
-        })
+    let lever = |joint, link| Selector {
+        joint: Some(joint),
+        from: Some(link),
+        ..Selector::default()
     };
-    let each = (0..n).map(|j| (Some(j), of(j).collect()));
-    let all: (_, Vec<Selector>) = (None, (0..n).flat_map(of).collect());
-    each.chain([all])
-        .filter_map(|(joint, selectors)| {
-            let shown = Selector {
-                joint,
-                ..Selector::default()
-            };
-            one(kind, arm, shown, &selectors, None)
-        })
-        .collect()
+    let of = |j: usize| (j..n).map(move |link| lever(j, link));
+    let mut groups: Vec<(Option<usize>, Vec<Selector>)> = Vec::new();
+    for j in 0..n {
+        groups.extend(of(j).map(|one| (Some(j), vec![one])));
+        groups.push((Some(j), of(j).collect()));
+    }
+    groups.push((None, (0..n).flat_map(of).collect()));
+    // the last joint has one link beyond it
+    groups.dedup_by(|a, b| a.1 == b.1);
+    let whole = |(joint, selectors): (Option<usize>, Vec<Selector>)| {
+        let shown = Selector {
+            joint,
+            ..Selector::default()
+        };
+        one(kind, arm, shown, &selectors, None)
+    };
+    groups.into_iter().filter_map(whole).collect()
 }
 
 /// The hypothesis of these effects together, `shown` as its joint, order and other joint.
