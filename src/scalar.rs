@@ -102,9 +102,9 @@ macro_rules! split {
 }
 
 /// Places of [`TABLE`] in a turn.
-const STEPS: u32 = 64;
+const STEPS: u32 = 128;
 
-/// Sines and cosines of the whole multiples of pi/32 over a turn, each rounded once.
+/// Sines and cosines of the whole multiples of pi/64 over a turn, each rounded once.
 static TABLE: [[f32; 2]; STEPS as usize] = table();
 
 /// Taylor's series, to the last bit of `f64` up to pi/2, turned by quarters.
@@ -112,7 +112,7 @@ const fn table() -> [[f32; 2]; STEPS as usize] {
     let mut table = [[0.0; 2]; STEPS as usize];
     let mut place = 0;
     while place < table.len() {
-        let angle = (place % 16) as f64 * (core::f64::consts::PI / 32.0);
+        let angle = (place % 32) as f64 * (core::f64::consts::PI / 64.0);
         let (mut sine, mut cosine, mut term, mut n) = (0.0, 0.0, 1.0, 0);
         while n < 24 {
             match n % 4 {
@@ -124,7 +124,7 @@ const fn table() -> [[f32; 2]; STEPS as usize] {
             n += 1;
             term *= angle / n as f64;
         }
-        table[place] = match place / 16 {
+        table[place] = match place / 32 {
             0 => [sine as f32, cosine as f32],
             1 => [cosine as f32, -sine as f32],
             2 => [-sine as f32, -cosine as f32],
@@ -159,16 +159,17 @@ impl Scalar for f32 {
         // Adding and taking away 1.5 * 2^23 rounds to the nearest integer; its low bits are
         // the place in the table.
         const ROUND: f32 = 12_582_912.0;
-        let shifted = (self + offset) * 10.185_916 + ROUND;
+        let shifted = (self + offset) * 20.371_833 + ROUND;
         let [sine, cosine] = TABLE[(shifted.to_bits() % STEPS) as usize];
         let k = shifted - ROUND;
-        // pi/32 in two parts, the first with few enough bits for k times it to be exact. The
+        // pi/64 in two parts, the first with few enough bits for k times it to be exact. The
         // offset comes in between, where the angle is small already.
-        let r = ((self - k * 9.817_505e-2) + offset) - k * -2.784_034_3e-7;
-        // What is left is below pi/64: the next terms of the series are below 3e-9.
+        let r = ((self - k * 4.908_752_4e-2) + offset) - k * -1.392_017_2e-7;
+        // What is left is below pi/128: the next term of the series is below 1e-10, and what the
+        // versine lacks, minimax, below 3e-9.
         let z = r * r;
         let s = r + r * (z * (-1.0 / 6.0));
-        let versine = z * (z * (1.0 / 24.0) - 0.5);
+        let versine = z * -0.499_979_2;
         (
             (sine * versine + cosine * s) + sine,
             (cosine * versine - sine * s) + cosine,
@@ -202,14 +203,13 @@ impl Scalar for f32 {
 
     #[inline]
     fn turned_by_step(sine: Self, cosine: Self, by: Self) -> (Self, Self) {
-        // The next terms of the series are below 5e-9.
-        let z = by * by;
-        let s = by - z * by * (1.0 / 6.0 - z * (1.0 / 120.0));
-        let versine = z * (0.5 - z * (1.0 / 24.0));
-        (
-            (cosine * s - sine * versine) + sine,
-            cosine - (sine * s + cosine * versine),
-        )
+        // Three shears, by the tangent of half the angle and by its sine, both minimax: 1e-8, 3e-8.
+        let cube = by * by * by;
+        let tangent = by * 0.5 + cube * 0.041_719;
+        let s = by - cube * 0.166_562;
+        let cosine = cosine - sine * tangent;
+        let sine = sine + cosine * s;
+        (sine, cosine - sine * tangent)
     }
 
     #[inline(never)]

@@ -271,7 +271,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         let [cost, plain] = self.costs;
         // The plain case checks the joints and the pose as it goes.
         if matches!(self.settings.method, Method::InverseJacobian | Method::Lqr)
-            && known(&request.conditions)
+            && ordinary(&request.conditions)
             && budget.fits(plain.start)
         {
             let nominal;
@@ -473,4 +473,14 @@ fn known<T: Scalar, const N: usize>(conditions: &Conditions<T, N>) -> bool {
     let ambient = &conditions.ambient;
     let com = &ambient.payload_com;
     all_finite(&conditions.direction) && all_finite(&[ambient.payload, com.x, com.y, com.z])
+}
+
+/// The same at a glance: also false where they are so large that their sum is not finite.
+#[inline(always)]
+fn ordinary<T: Scalar, const N: usize>(conditions: &Conditions<T, N>) -> bool {
+    let ambient = &conditions.ambient;
+    let com = &ambient.payload_com;
+    let sum = ambient.payload + com.x + com.y + com.z;
+    let sum = conditions.direction.iter().fold(sum, |sum, &x| sum + x);
+    sum.finite()
 }

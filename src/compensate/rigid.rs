@@ -19,12 +19,27 @@ struct Walk<T: Scalar> {
 /// What a pass leaves to the target.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rest<T: Scalar> {
-    /// From the present pose to the target, about the target's position. The angular part is
-    /// the sine of the angle along the axis: to be used below a quarter turn.
+    /// From the present pose to the target, about the target's position: of the screw that leads
+    /// there, right to second order, since its point halfway moves along the chord. The angular
+    /// part is the sine of the angle along the axis: to be used below a quarter turn.
     pub(super) twist: Twist<T>,
+    /// Squares of its linear and angular part.
+    pub(super) squares: [T; 2],
     /// Square of the distance of the rotation matrices, entry by entry: for rotations
     /// `4 (1 - cos angle)`. Zero where it was not asked for.
     pub(super) apart: T,
+}
+
+impl<T: Scalar> Rest<T> {
+    /// Nothing is known: infinitely far.
+    fn nowhere() -> Self {
+        let far = T::one() / T::zero();
+        Self {
+            twist: Twist::zero(),
+            squares: [far; 2],
+            apart: far,
+        }
+    }
 }
 
 impl<T: Scalar> Walk<T> {
@@ -76,17 +91,33 @@ impl<T: Scalar> Walk<T> {
         let x = Vector3::new(r.m11, r.m21, r.m31);
         let y = Vector3::new(r.m12, r.m22, r.m32);
         let z = Vector3::new(r.m13, r.m23, r.m33);
-        let angular = (cross(&self.x, &x) + cross(&self.y, &y) + cross(&self.z, &z)) * T::of(0.5);
+        let sum = cross(&self.x, &x);
+        let sum = add_cross(&add_cross(&sum, &self.y, &y), &self.z, &z);
         let apart = if asked {
-            square(&(self.x - x)) + square(&(self.y - y)) + square(&(self.z - z))
+            let (x, y, z) = (self.x - x, self.y - y, self.z - z);
+            let sum = square(&x) + y.x * y.x + y.y * y.y + y.z * y.z;
+            sum + z.x * z.x + z.y * z.y + z.z * z.z
         } else {
             T::zero()
         };
+        let linear = add_cross(&linear, &sum, &(linear * T::of(0.25)));
+        let angular = sum * T::of(0.5);
         Rest {
-            twist: Twist::new(linear, angular).at(&linear),
+            squares: [square(&linear), square(&angular)],
+            twist: Twist::new(linear, angular),
             apart,
         }
     }
+}
+
+/// `sum + a x b`.
+#[inline(always)]
+pub(super) fn add_cross<T: Scalar>(sum: &Vector3<T>, a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
+    Vector3::new(
+        sum.x + a.y * b.z - a.z * b.y,
+        sum.y + a.z * b.x - a.x * b.z,
+        sum.z + a.x * b.y - a.y * b.x,
+    )
 }
 
 /// Square of the length.
@@ -102,6 +133,12 @@ pub(super) fn turns_at<T: Scalar>(joints: &[BakedJoint<T>], q: &[T], turns: &mut
         let (s, c) = q.sincos_beside(joint.theta);
         *turn = [s, c];
     }
+}
+
+/// [`turns_at`] where it is rare.
+#[inline(never)]
+pub(super) fn turn_to<T: Scalar>(joints: &[BakedJoint<T>], q: &[T], turns: &mut [[T; 2]]) {
+    turns_at(joints, q, turns);
 }
 
 /// The same after steps of at most 0.12 rad, from those before.
@@ -130,12 +167,12 @@ pub(super) fn approach<T: Scalar>(
     target: &Pose<T>,
     columns: &mut [Twist<T>],
     apart: bool,
-) -> Option<Rest<T>> {
+) -> Rest<T> {
     let ([first, joints @ .., _], [first_turn, turns @ .., last_turn]) = (joints, turns) else {
-        return None;
+        return Rest::nowhere();
     };
     let [column, columns @ .., last_column] = columns else {
-        return None;
+        return Rest::nowhere();
     };
     let point = &target.translation;
     *column = Twist::new(Vector3::new(-point.y, point.x, T::zero()), Vector3::z());
@@ -159,5 +196,5 @@ pub(super) fn approach<T: Scalar>(
     // The last joint has no link: it is in the tool.
     *last_column = walk.column();
     walk.turn(*last_turn);
-    Some(walk.to(tip, target, apart))
+    walk.to(tip, target, apart)
 }

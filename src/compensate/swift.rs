@@ -5,25 +5,31 @@
 //! For the regulator too, at commands clear of the margins in which it asks a price of its own
 //! of each joint: what is left is one price for all, which is a damping towards the command
 //! that came in. It solves the same problem by the same steps and so ends at the same joints.
-//! What it saves is the frames, the effort, the damping of all steps but the first, and the
-//! last evaluation: a step `p` of a chain of turns leaves
+//! What it saves is the frames, the effort, the damping, and the last evaluation: a step `p` of
+//! a chain of turns leaves
 //!
 //! ```text
 //! |remaining| <= r s² / 2   position        |remaining| <= s² / 4   orientation
 //! s = sum over k of |p_k|,   r: longest way from an axis to the tool point
 //! ```
-//! of the equations that it solves: the second derivative of the tool point by the turns j
-//! and k >= j is not longer than the way from axis k to it, and that of the orientation is
-//! half the cross product of the axes. If this is below the tolerances, the step is the
-//! answer. Where it is not quite, the second order itself is worked out ([`curvature`]) and, if
-//! that is too much, taken away by a further step `t` with the same equations (Chebyshev's
-//! method). What is beyond it is at most `r b` and `b`, `b = (s + t)³ / 6 + t (s + t)`.
+//! of the equations that it solves: what turns about the axes j < k one after the other are off
+//! the turn by their sum is half the Lie bracket of the two, `z_j x v_k - z_k x v_j` and
+//! `z_j x z_k`, with axis z and motion v of the tool point per unit of the joint; and the error
+//! is that of a screw ([`Rest`]). If this is below the tolerances, the step is the answer. Where
+//! it is not quite, the second order itself is worked out ([`curvature`]) and, if that is too
+//! much, taken away by a further step `t` with the same equations (Chebyshev's method). What is
+//! beyond it is at most `r b` and `b`, `b = (s + t)³ / 6 + t (s + t)`.
+//!
+//! Damping is there for where the arm comes near a singularity. Steps go without it
+//! ([`direct`]); the first, which decides whether the case is plain, where a bound of the inverse
+//! Jacobian says that it would change next to nothing: a share of at most `λ² |J⁻¹|²`, which is
+//! below `λ² / singular_value²`.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::damped::{cross, multipliers, share};
 use super::error::PoseError;
-use super::rigid::{Rest, approach, square, turn_by, turns_at};
+use super::rigid::{Rest, add_cross, approach, square, turn_by, turn_to, turns_at};
 use super::{Compensator, Outcome, Request, Status, direct, lqr};
 use crate::budget::{Budget, Clock, PLAIN_ITERATIONS};
 use crate::model::Model;
@@ -40,14 +46,24 @@ pub(super) struct Constants<T: Scalar, const N: usize> {
     weights: [T; 2],
     /// Square of the smallest singular value that counts as clear.
     singular: T,
-    /// Longest way from an axis to the tool point, m.
+    /// Longest way from an axis to the tool point, m,
     reach: T,
+    /// and twice that.
+    twice_reach: T,
+    wrist: direct::Wrist<T>,
+    /// Times a sixteenth of the weighted square of an error: at least half the product of its
+    /// parts, which its pose about a point halfway is off that of the tool point.
+    screw: T,
     /// Squares of the tolerances, or of what can be told apart in this number type.
     tolerance: Squares<T>,
+    tangent: Tangent<T>,
     /// Middle and half of where each joint may go, rad.
     travel: [[T; 2]; N],
-    /// Of that half, the part at its end in which the regulator's prices differ.
+    /// The part of that half in which the regulator's prices are the same,
+    inner: [T; N],
+    /// and how far before the half it ends at least, rad; zero without a regulator.
     margin: T,
+    regulator: bool,
     /// Ways that add up to more move at least one joint by half its resolution, rad.
     perceptible: T,
 }
@@ -55,6 +71,8 @@ pub(super) struct Constants<T: Scalar, const N: usize> {
 /// Room for one iteration, kept from one request to the next to save filling it with zeros.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Work<T: Scalar, const N: usize> {
+    /// Where the search is.
+    q: [T; N],
     /// Sine and cosine of each joint.
     turns: [[T; 2]; N],
     /// The joint Jacobian.
@@ -68,6 +86,7 @@ pub(super) struct Work<T: Scalar, const N: usize> {
 impl<T: Scalar, const N: usize> Default for Work<T, N> {
     fn default() -> Self {
         Self {
+            q: [T::zero(); N],
             turns: [[T::zero(); 2]; N],
             columns: [Twist::zero(); N],
             steps: [T::zero(); N],
@@ -86,19 +105,35 @@ impl<T: Scalar, const N: usize> Constants<T, N> {
         if N < 6 || !turns || !model.effects.is_empty() || p < least || o < least {
             return None;
         }
-        let mut reach = chain.tool.translation.norm_squared().root();
+        let tool = chain.tool.translation.norm_squared().root();
+        let mut reach = tool;
+        // Ways from the last axes to the next: from the last, 0, from the one before, ...
+        let mut ways = [T::zero(); 3];
         for joint in &chain.joints {
-            reach += (joint.tx * joint.tx + joint.ty * joint.ty).root();
+            let way = (joint.tx * joint.tx + joint.ty * joint.ty).root();
+            reach += way;
+            ways = [way, ways[0], ways[1]];
         }
+        let [_, before, across] = ways;
         // Coordinates add up to less than twice the way.
         let floor = T::EPSILON * (T::one() + reach + reach);
-        let tolerance = |asked: T| {
-            let tolerance = if asked > floor { asked } else { floor };
-            tolerance * tolerance
+        let tolerance = |asked: T| if asked > floor { asked } else { floor };
+        let tolerance = PoseError {
+            position: tolerance(settings.position_tolerance),
+            orientation: tolerance(settings.orientation_tolerance),
         };
         let half = T::of(0.5);
+        let travel = model.limits.map(|[low, high]| {
+            // Rounding of the middle, of the half and of what is compared with them.
+            let rounding = (low.abs() + high.abs()) * T::EPSILON * T::of(4.0);
+            [(low + high) * half, (high - low) * half - rounding]
+        });
+        let share = T::of(2.0 * lqr::MARGIN);
         let (price, margin) = match settings.method {
-            Method::Lqr => (settings.effort, T::of(2.0 * lqr::MARGIN)),
+            Method::Lqr => {
+                let narrower = |least: T, &[_, half]: &[T; 2]| least.min(half * share);
+                (settings.effort, travel.iter().fold(T::one(), narrower))
+            }
             _ => (T::zero(), T::zero()),
         };
         let damping = settings.damping + price;
@@ -108,44 +143,53 @@ impl<T: Scalar, const N: usize> Constants<T, N> {
             weights: [p * p, o * o],
             singular: settings.singular_value * settings.singular_value,
             reach,
-            tolerance: Squares {
-                position: tolerance(settings.position_tolerance),
-                orientation: tolerance(settings.orientation_tolerance),
-            },
-            travel: model.limits.map(|[low, high]| {
-                // Rounding of the middle, of the half and of what is compared with them.
-                let rounding = (low.abs() + high.abs()) * T::EPSILON * T::of(4.0);
-                [(low + high) * half, (high - low) * half - rounding]
-            }),
+            twice_reach: reach + reach,
+            wrist: direct::Wrist::of(tool + before, across, before),
+            screw: T::of(4.0) / (p * o),
+            tolerance: Squares::of_error(&tolerance),
+            tangent: Tangent::at(&tolerance),
+            travel,
+            inner: travel.map(|[_, half]| half * (T::one() - share)),
             margin,
+            regulator: settings.method == Method::Lqr,
             perceptible: model.resolution.iter().fold(T::zero(), |sum, &r| sum + r),
         })
     }
 
-    /// Whether the command `q` is clear of a regulator's margins, if there is one.
-    #[inline(always)]
+    /// Whether the command `q` is clear of a regulator's margins.
+    #[inline(never)]
     fn clear_of_margins(&self, q: &[T; N]) -> bool {
-        if self.margin.is_zero() {
-            return true;
-        }
-        let inner = T::one() - self.margin;
-        let mut clear = true;
-        for (&q, &[middle, half]) in q.iter().zip(&self.travel) {
+        for (&q, (&[middle, _], &inner)) in q.iter().zip(self.travel.iter().zip(&self.inner)) {
             // NaN is not clear.
-            clear &= (q - middle).abs() < half * inner;
+            let clear = (q - middle).abs() < inner;
+            if !clear {
+                return false;
+            }
         }
-        clear
+        true
+    }
+
+    /// Adds to `off` what is beyond the second order of a step of the length `way`.
+    #[inline(always)]
+    fn beyond(&self, off: &PoseError<T>, way: T) -> PoseError<T> {
+        let third = way * way * way * T::of(1.0 / 6.0);
+        PoseError {
+            position: off.position + self.reach * third,
+            orientation: off.orientation + third,
+        }
     }
 
     /// Whether the ways from `start` to `q` are inside the travel.
     #[inline(always)]
     fn inside(&self, q: &[T; N], start: &[T; N]) -> bool {
-        let mut inside = true;
         for ((&q, &start), &[middle, half]) in q.iter().zip(start).zip(&self.travel) {
             // Both ends are inside then; NaN is outside.
-            inside &= (q - middle).abs() + (q - start).abs() < half;
+            let inside = (q - middle).abs() + (q - start).abs() < half;
+            if !inside {
+                return false;
+            }
         }
-        inside
+        true
     }
 }
 
@@ -247,6 +291,40 @@ impl<T: Scalar> Squares<T> {
     }
 }
 
+/// Tangents of the two square roots at the squares of the tolerances: never below the root,
+/// and little above it there, in two operations.
+#[derive(Clone, Copy, Debug)]
+struct Tangent<T> {
+    /// Half the tolerances,
+    half: PoseError<T>,
+    /// and half their reciprocals.
+    slope: PoseError<T>,
+}
+
+impl<T: Scalar> Tangent<T> {
+    fn at(tolerance: &PoseError<T>) -> Self {
+        let half = T::of(0.5);
+        Self {
+            half: PoseError {
+                position: tolerance.position * half,
+                orientation: tolerance.orientation * half,
+            },
+            slope: PoseError {
+                position: half / tolerance.position,
+                orientation: half / tolerance.orientation,
+            },
+        }
+    }
+
+    #[inline(always)]
+    fn of(&self, squares: &Squares<T>) -> PoseError<T> {
+        PoseError {
+            position: self.half.position + squares.position * self.slope.position,
+            orientation: self.half.orientation + squares.orientation * self.slope.orientation,
+        }
+    }
+}
+
 impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
     /// Answers a request for the pose `desired`: the command is in the state. `None`, and the
     /// state as it was, where this is no plain case.
@@ -261,37 +339,36 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
         let constants = self.constants.as_ref()?;
         let settings = &self.settings;
         let chain = &self.model.calibrated;
-        if !constants.clear_of_margins(&request.q) {
+        if constants.regulator && !constants.clear_of_margins(&request.q) {
             return None;
         }
         let target = without(desired, &chain.base, &chain.tool);
         let tip = &chain.tool.translation;
         let regulated = !constants.priced.is_zero();
         let Work {
+            q,
             turns,
             columns,
             steps,
             more,
         } = &mut self.work;
-        let mut q = request.q;
+        *q = request.q;
         let mut iterations = 0;
         let mut initial = Squares {
             position: T::zero(),
             orientation: T::zero(),
         };
         let (mut before, mut travelled) = (T::zero(), T::zero());
-        // Of the last step, in sum: none yet.
-        let mut way = T::one();
+        turns_at(&chain.joints, q, turns);
         let (status, remaining) = loop {
             let first = iterations == 0;
-            if way <= T::of(0.12) {
-                turn_by(steps, turns);
-            } else {
-                turns_at(&chain.joints, &q, turns);
-            }
-            let rest = approach(&chain.joints, turns, tip, &target, columns, first)?;
-            let error = rest.twist;
-            let now = Squares::of(&error);
+            let rest = approach(&chain.joints, turns, tip, &target, columns, first);
+            let error = &rest.twist;
+            let [position, orientation] = rest.squares;
+            let now = Squares {
+                position,
+                orientation,
+            };
             let merit = now.weighted(constants.weights);
             if first {
                 initial = now;
@@ -300,12 +377,13 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
                 }
             } else {
                 // Newton's pace, which NaN does not have either.
-                let converging = merit * T::of(16.0) <= before;
+                let converging = merit <= before;
                 if !converging || u32::from(iterations) >= PLAIN_ITERATIONS {
                     return None;
                 }
             }
-            before = merit;
+            // A quarter, in the square.
+            before = merit * T::of(1.0 / 16.0);
             if now.below(&constants.tolerance) {
                 break (Status::Converged, now.error());
             }
@@ -318,11 +396,19 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             iterations += 1;
             let last = iterations >= settings.max_iterations;
             let mut kept = [T::zero(); 2];
-            if first || regulated || !direct::step(columns, &error, steps) {
-                let mut asked = error;
+            let wrist = first.then_some(&constants.wrist);
+            let trace = match regulated {
+                false => direct::step(columns, error, steps, wrist, position),
+                true => None,
+            };
+            // Clear of singularities, where damping would change next to nothing.
+            let undamped = trace
+                .is_some_and(|trace| !first || trace * (constants.singular + merit) <= T::one());
+            if !undamped {
+                let mut asked = *error;
                 if regulated && !first {
                     // What the price asks back of the way so far, none yet at first.
-                    undo(&mut asked, columns, &q, &request.q, constants.priced);
+                    undo(&mut asked, columns, q, &request.q, constants.priced);
                 }
                 let (y, trace) = multipliers(columns, constants.damping, &asked, first);
                 // No price is put on corrections: `inverse_jacobian::singular_effort` is 0.
@@ -335,9 +421,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
                     *step = share(column, &y);
                 }
                 if regulated && !first {
-                    for (step, (&q, &start)) in steps.iter_mut().zip(q.iter().zip(&request.q)) {
-                        *step -= (q - start) * constants.priced;
-                    }
+                    withdraw(steps, q, &request.q, constants.priced);
                 }
                 if last || !first {
                     let [position, orientation] = constants.damping;
@@ -345,7 +429,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
                     kept = [position * sum(&y.linear), orientation * sum(&y.angular)];
                 }
             }
-            way = T::zero();
+            let mut way = T::zero();
             for (q, &step) in q.iter_mut().zip(steps.iter()) {
                 *q += step;
                 way += step.abs();
@@ -354,57 +438,26 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             if way <= constants.perceptible {
                 return None;
             }
-            travelled += way;
             // A first step hardly ever is enough, so there is nothing to be bounded.
-            if last || !first {
+            if first && !last {
+                travelled += way;
+            } else {
                 let quarter = way * way * T::of(0.25);
-                let reach = constants.reach + constants.reach;
-                // Below a sixteenth of the error before, in the square: a quarter.
-                let pace =
-                    |left: &Squares<T>| left.weighted(constants.weights) * T::of(16.0) <= before;
-                let mut left = bound(kept, [reach * quarter, quarter]);
+                let pace = |left: &Squares<T>| left.weighted(constants.weights) <= before;
+                let mut left = bound(kept, [constants.twice_reach * quarter, quarter]);
                 let mut squares = Squares::of_error(&left);
-                let enough = if last {
-                    pace(&squares)
-                } else {
-                    squares.below(&constants.tolerance)
-                };
+                let mut reached = squares.below(&constants.tolerance);
+                let enough = if last { pace(&squares) } else { reached };
                 if !enough {
-                    let second = curvature(columns, steps);
-                    let mut mixed = T::zero();
-                    let off_squares = Squares::of(&second);
-                    let mut off = off_squares.error();
-                    // What the second order leaves is taken away as well where it is too much.
-                    if !regulated
-                        && !off_squares.below(&constants.tolerance)
-                        && direct::step(columns, &second.scaled(-T::one()), more)
-                    {
-                        let mut further = T::zero();
-                        for ((q, step), &more) in q.iter_mut().zip(steps.iter_mut()).zip(&*more) {
-                            *q += more;
-                            *step += more;
-                            further += more.abs();
-                        }
-                        mixed = further * (way + further);
-                        way += further;
-                        travelled += further;
-                        off = PoseError {
-                            position: T::zero(),
-                            orientation: T::zero(),
-                        };
-                    }
-                    let beyond = way * way * way * T::of(1.0 / 6.0) + mixed;
-                    left = bound(
-                        kept,
-                        [
-                            off.position + constants.reach * beyond,
-                            off.orientation + beyond,
-                        ],
-                    );
+                    left = second_order(constants, columns, steps, q, more, &mut way);
+                    let screw = before * constants.screw;
+                    left = bound(kept, [left.position + screw, left.orientation]);
                     squares = Squares::of_error(&left);
+                    reached = squares.below(&constants.tolerance);
                 }
+                travelled += way;
                 if pace(&squares) {
-                    if squares.below(&constants.tolerance) {
+                    if reached {
                         break (Status::Converged, left);
                     }
                     if last {
@@ -412,15 +465,22 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
                     }
                 }
             }
+            if way <= T::of(0.12) {
+                turn_by(steps, turns);
+            } else {
+                turn_to(&chain.joints, q, turns);
+            }
         };
         // NaN is not near.
         let near = travelled < settings.correction_bound[0];
-        if !near || !constants.inside(&q, &request.q) {
+        // From where the margins are clear no joint comes to its end by less than they are wide.
+        let short = constants.regulator && travelled < constants.margin;
+        if !near || !(short || constants.inside(q, &request.q)) {
             return None;
         }
         self.state.asked = request.q;
-        self.state.found = q;
-        self.state.last = q;
+        self.state.found = *q;
+        self.state.last = *q;
         Some(Plain {
             status,
             iterations,
@@ -449,6 +509,14 @@ fn undo<T: Scalar>(error: &mut Twist<T>, columns: &[Twist<T>], q: &[T], start: &
     }
 }
 
+/// Takes `share` of the way from `start` to `q` off the steps.
+#[inline(never)]
+fn withdraw<T: Scalar>(steps: &mut [T], q: &[T], start: &[T], share: T) {
+    for (step, (&q, &start)) in steps.iter_mut().zip(q.iter().zip(start)) {
+        *step -= (q - start) * share;
+    }
+}
+
 /// What a step leaves at most: what was `kept` back of the equations, and how far the pose
 /// is `off` what they say.
 #[inline(always)]
@@ -459,6 +527,67 @@ fn bound<T: Scalar>(kept: [T; 2], off: [T; 2]) -> PoseError<T> {
     }
 }
 
+/// How far the pose is off what the equations of the step `steps` say. Where that is too much,
+/// and no price is asked, a further step takes the second order away: it is added to `q`,
+/// `steps` and `way`, the sum of all.
+#[inline(never)]
+fn second_order<T: Scalar, const N: usize>(
+    constants: &Constants<T, N>,
+    columns: &[Twist<T>; N],
+    steps: &mut [T; N],
+    q: &mut [T; N],
+    more: &mut [T; N],
+    way: &mut T,
+) -> PoseError<T> {
+    let second = curvature(columns, steps);
+    let squares = Squares::of(&second);
+    if squares.below(&constants.tolerance) {
+        return constants.beyond(&constants.tangent.of(&squares), *way);
+    }
+    // Nothing of this is prepared above.
+    core::hint::black_box(());
+    let mut off = squares.error();
+    let mut mixed = T::zero();
+    if constants.priced.is_zero()
+        && let Some(left) = straighten(columns, &second, steps, q, more, way)
+    {
+        mixed = left;
+        off = PoseError {
+            position: T::zero(),
+            orientation: T::zero(),
+        };
+    }
+    let left = constants.beyond(&off, *way);
+    PoseError {
+        position: left.position + constants.reach * mixed,
+        orientation: left.orientation + mixed,
+    }
+}
+
+/// Takes the second order of a step away by a further one, both together in `steps` and `way`
+/// then. Returns the second order that is left where they meet, in rad. `None` without the
+/// further step.
+#[inline(never)]
+fn straighten<T: Scalar>(
+    columns: &[Twist<T>],
+    second: &Twist<T>,
+    steps: &mut [T],
+    q: &mut [T],
+    more: &mut [T],
+    way: &mut T,
+) -> Option<T> {
+    direct::step(columns, &second.scaled(-T::one()), more, None, T::zero())?;
+    let mut further = T::zero();
+    for ((q, step), &more) in q.iter_mut().zip(steps).zip(&*more) {
+        *q += more;
+        *step += more;
+        further += more.abs();
+    }
+    let mixed = further * (*way + further);
+    *way += further;
+    Some(mixed)
+}
+
 /// The second order of the step `steps`: with axis z_k and motion v_k of the point per unit of
 /// joint k,
 ///
@@ -466,19 +595,29 @@ fn bound<T: Scalar>(kept: [T; 2], off: [T; 2]) -> PoseError<T> {
 /// sum over k of p_k w_k x v_k   and   1/2 sum over k of p_k w_k x z_k,
 /// w_k = p_k z_k / 2 + sum over j < k of p_j z_j
 /// ```
-#[inline(never)]
+///
+/// The first joint turns about z.
+#[inline(always)]
 fn curvature<T: Scalar>(columns: &[Twist<T>], steps: &[T]) -> Twist<T> {
-    let mut turned = Vector3::zeros();
-    let (mut position, mut orientation) = (Vector3::zeros(), Vector3::zeros());
-    let half = T::of(0.5);
+    let (o, half) = (T::zero(), T::of(0.5));
+    let ([first, next, columns @ ..], [p1, p2, steps @ ..]) = (columns, steps) else {
+        return Twist::zero();
+    };
+    let (v, square) = (&first.linear, *p1 * *p1 * half);
+    let halfway = next.angular * (*p2 * half);
+    let mut turned = Vector3::new(halfway.x, halfway.y, halfway.z + *p1);
+    let w = cross(&turned, &next.linear) * *p2;
+    let mut position = Vector3::new(w.x - square * v.y, w.y + square * v.x, w.z);
+    let mut orientation = Vector3::new(-(halfway.y * *p1), halfway.x * *p1, o);
+    turned += halfway;
     // Not unrolled, as in `multipliers`.
     let count = core::hint::black_box(columns.len());
     for (column, &p) in columns.iter().zip(steps).take(count) {
         let halfway = column.angular * (p * half);
+        orientation = add_cross(&orientation, &turned, &halfway);
         turned += halfway;
         position += cross(&turned, &column.linear) * p;
-        orientation += cross(&turned, &column.angular) * p;
         turned += halfway;
     }
-    Twist::new(position, orientation * half)
+    Twist::new(position, orientation)
 }
