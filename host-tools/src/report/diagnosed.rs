@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use truepose::effects::Kind;
+use truepose::effects::{self, Kind};
 
 use super::Report;
 use super::evidence::evidence;
@@ -137,6 +137,17 @@ fn reasons(diagnosis: &Diagnosis, report: &Report) -> Vec<String> {
         reasons.push(
             "the file has no column t, so the row's number stands for the time: what drifts with \
              it belongs to this series and is not compensated; times in s are rows"
+                .to_owned(),
+        );
+    }
+    let any = |is: fn(&effects::Effect<'static, f64>) -> bool| stage.arm.effects.iter().any(is);
+    if any(|e| matches!(e, effects::Effect::GravityLever(_)))
+        && !any(|e| matches!(e, effects::Effect::JointCompliance(_)))
+    {
+        reasons.push(
+            "what the links weigh was found from these rows, since masses are not described or \
+             not as the arm has them; it holds for the payload of these rows, and rows with other \
+             payloads are needed to correct for another one"
                 .to_owned(),
         );
     }
