@@ -5,14 +5,17 @@ use nalgebra::DVector;
 use truepose::effects::{Effect, Factor, Shape, Variable};
 
 use super::curve;
-use super::hypothesis::Members;
+use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
 use super::search::Search;
 use super::smoothness::Evidence;
-use super::space::Space;
+use super::space::{Space, columns};
 
 /// Steps in time that are tried at most around the best of the grid.
 const TIMES: usize = 40;
+
+/// Of these, values that are fitted.
+const FITTED: usize = 2;
 
 /// Factors on a time constant that are tried, each round finer than the last.
 const FACTORS: [&[f64]; 4] = [
@@ -28,7 +31,12 @@ pub(super) fn refined(search: &Search<'_>, mut model: Extended) -> Extended {
         match model.accepted[index].kind {
             "joint-curve" => model = smoothed(search, model, index),
             "step-change" | "instrument-moved" => {
-                model = best(search, model, index, 0, &times(search))
+                let times = times(search);
+                let ln_length = |t: f64| {
+                    let after = times.partition_point(|&x| x < t).clamp(1, times.len() - 1);
+                    (times[after] - times[after - 1]).ln()
+                };
+                model = best(search, model, index, 0, &midpoints(&times), &ln_length)
             }
             "warm-up" => {
                 for factors in FACTORS {
@@ -36,12 +44,13 @@ pub(super) fn refined(search: &Search<'_>, mut model: Extended) -> Extended {
                         break;
                     };
                     let tried: Vec<f64> = factors.iter().map(|f| f * tau).collect();
-                    model = best(search, model, index, 0, &tried);
+                    model = best(search, model, index, 0, &tried, &|_| 0.0);
                 }
             }
             _ => {
                 for (place, joint) in thresholds(&model, index) {
-                    model = best(search, model, index, place, &readings(search, joint));
+                    let tried = midpoints(&readings(search, joint));
+                    model = best(search, model, index, place, &tried, &|_| 0.0);
                 }
             }
         }
@@ -98,30 +107,38 @@ fn thresholds(model: &Extended, index: usize) -> Vec<(usize, usize)> {
     term.factors.iter().enumerate().filter_map(of).collect()
 }
 
+/// In order, each once.
 fn times(search: &Search<'_>) -> Vec<f64> {
     let times = search.observations.iter().map(|o| o.ambient.time);
-    midpoints(times.filter(|t| t.is_finite()).collect())
+    in_order(times.filter(|t| t.is_finite()).collect())
 }
 
 fn readings(search: &Search<'_>, joint: usize) -> Vec<f64> {
-    midpoints(search.observations.iter().map(|o| o.q[joint]).collect())
+    in_order(search.observations.iter().map(|o| o.q[joint]).collect())
+}
+
+fn in_order(mut values: Vec<f64>) -> Vec<f64> {
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    values
 }
 
 /// Midpoints between successive values.
-fn midpoints(mut values: Vec<f64>) -> Vec<f64> {
-    values.sort_by(f64::total_cmp);
-    values.dedup();
+fn midpoints(values: &[f64]) -> Vec<f64> {
     values.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect()
 }
 
-/// The model with the constant of an accepted hypothesis where the fit is best. For a long
-/// list only the values nearest to the present one are tried.
+/// The model with the constant of an accepted hypothesis where it is likeliest, by the fit and by
+/// the logarithm of how likely it was before: a step that one row would have a little earlier
+/// is rather in the long pause. For a long list only the values nearest to the present one are
+/// tried: all of them where everything else is linear, and the best few of these by a fit.
 fn best(
     search: &Search<'_>,
     model: Extended,
     index: usize,
     place: usize,
     values: &[f64],
+    ln_before: &dyn Fn(f64) -> f64,
 ) -> Extended {
     let Some(present) = constant(&model, index, place) else {
         return model;
@@ -129,19 +146,46 @@ fn best(
     let mut near = values.to_vec();
     near.sort_by(|a, b| (a - present).abs().total_cmp(&(b - present).abs()));
     near.truncate(TIMES);
-    let mut best = model.clone();
-    for value in near {
-        let mut accepted = model.accepted.clone();
-        if let Members::Effects(effects) = &mut accepted[index].members {
+    let with = |value: f64| {
+        let mut hypothesis = model.accepted[index].clone();
+        if let Members::Effects(effects) = &mut hypothesis.members {
             for effect in effects {
                 if let Some(constant) = effect.model_mut().constants_mut().get_mut(place) {
                     *constant = value;
                 }
             }
         }
+        hypothesis
+    };
+    let tried: Vec<Hypothesis> = near.iter().map(|&value| with(value)).collect();
+    let mut others = model.accepted.clone();
+    others.remove(index);
+    let Ok(without) = search.fit(&model.arm, others) else {
+        return model;
+    };
+    let (_, space) = without.space(&search.observations, search.sigmas);
+    let references: Vec<&Hypothesis> = tried.iter().collect();
+    let columns = columns(
+        &without.arm,
+        &references,
+        &search.observations,
+        search.sigmas,
+    );
+    let scores = space.scores(&columns);
+    let worth = |i: usize| scores[i].reduction + 2.0 * ln_before(near[i]);
+    let mut order: Vec<usize> = (0..tried.len()).collect();
+    order.sort_by(|&a, &b| worth(b).total_cmp(&worth(a)));
+    order.truncate(FITTED);
+    let mut best = model.clone();
+    let mut least = model.fit.cost - 2.0 * ln_before(present);
+    for i in order {
+        let mut accepted = model.accepted.clone();
+        accepted[index] = tried[i].clone();
+        let ahead = 2.0 * ln_before(near[i]);
         if let Ok(trial) = search.fit(&model.arm, accepted)
-            && trial.fit.cost < best.fit.cost
+            && trial.fit.cost - ahead < least
         {
+            least = trial.fit.cost - ahead;
             best = trial;
         }
     }
