@@ -5,18 +5,22 @@ use core::hint::black_box;
 
 use nalgebra::Vector3;
 use truepose::budget::{Budget, Clock};
-use truepose::compensate::spherical_wrist::SphericalWrist;
+use truepose::compensate::task_point::Inverse;
 use truepose::compensate::{Compensator, Request, minimum_move, task_point};
 use truepose::effects::{Ambient, Conditions};
 use truepose::link::{Event, Link, Tally};
-use truepose::storage::{Eeprom, Flash, Geometry, Memory, Store};
+use truepose::storage::{Eeprom, Flash, Geometry, Memory, Progress, Store};
 use truepose::{Method, Model, Settings};
 
 use crate::absent::Absent;
 use crate::arm::JOINTS;
 
-/// Runs it. True if every answer was a compensation.
-pub fn run(model: &Model<'_, f32, JOINTS>, clock: &impl Clock) -> bool {
+/// Runs the loop. True if every answer was a compensation. `inverse`: nominal inverse kinematics.
+pub fn run(
+    model: &Model<'_, f32, JOINTS>,
+    clock: &impl Clock,
+    inverse: Option<Inverse<'_, f32, JOINTS>>,
+) -> bool {
     let q = black_box([0.1, -0.9, 0.8, 0.3, -0.6, 0.2]);
     let mut conditions = Conditions {
         direction: [1.0; JOINTS],
@@ -29,7 +33,6 @@ pub fn run(model: &Model<'_, f32, JOINTS>, clock: &impl Clock) -> bool {
     };
     conditions.ambient.temperature.fill(30.0);
     let request = black_box(Request::pose(model.nominal_pose(&q), q).conditions(conditions));
-    let inverse = SphericalWrist::of(&model.nominal);
     let mut answered = true;
     for method in Method::ALL {
         let settings = Settings {
@@ -40,14 +43,7 @@ pub fn run(model: &Model<'_, f32, JOINTS>, clock: &impl Clock) -> bool {
         let mut budget = Budget::cycles(clock, black_box(u32::MAX));
         let outcome = compensator.correct(&request, &mut budget);
         answered &= outcome.status.compensated();
-        let Some(inverse) = &inverse else {
-            continue;
-        };
-        let outcome = compensator.correct_through(
-            &request,
-            Some(&|pose, near| inverse.inverse(pose, near)),
-            &mut budget,
-        );
+        let outcome = compensator.correct_through(&request, inverse, &mut budget);
         answered &= outcome.status.compensated();
         let pose = request.pose.unwrap_or_else(|| model.nominal_pose(&q));
         black_box(minimum_move::nearest(model, &pose, &outcome.q, &conditions));
@@ -59,18 +55,42 @@ pub fn run(model: &Model<'_, f32, JOINTS>, clock: &impl Clock) -> bool {
     answered
 }
 
-/// Blobs over a link into a flash and into an EEPROM. `room`: for one blob. Hardware that is
-/// not there sends nothing that makes sense, so nothing may be taken in.
+/// Blobs from and into a flash and an EEPROM, without a link. `room`: for one blob.
 #[inline(never)]
-pub fn keep(room: &mut [u8]) -> bool {
-    let geometry = black_box(Geometry {
+pub fn store(room: &mut [u8]) -> bool {
+    let nothing_kept = store_in(Flash::new(Absent), room);
+    nothing_kept & store_in(Eeprom::new(Absent, Absent, geometry()), room)
+}
+
+/// The same with one memory.
+fn store_in<M: Memory>(memory: M, room: &mut [u8]) -> bool {
+    let Ok(mut store) = Store::new(memory) else {
+        return false;
+    };
+    let nothing_there = !matches!(store.load(room), Ok(Some(_)));
+    let Ok(mut update) = store.begin(room) else {
+        return nothing_there;
+    };
+    while let Ok(Progress::Waiting | Progress::Working) = store.step(&mut update, room) {}
+    nothing_there
+}
+
+/// Of a device whose size the compiler does not know.
+fn geometry() -> Geometry {
+    black_box(Geometry {
         device: 0x50,
         size: 32 * 1024,
         page: 64,
         address_bytes: 2,
-    });
+    })
+}
+
+/// Blobs over a link into a flash and into an EEPROM. `room`: for one blob. Hardware that is
+/// not there sends nothing that makes sense, so nothing may be taken in.
+#[inline(never)]
+pub fn keep(room: &mut [u8]) -> bool {
     let nothing_kept = keep_in(Flash::new(Absent), room);
-    nothing_kept & keep_in(Eeprom::new(Absent, Absent, geometry), room)
+    nothing_kept & keep_in(Eeprom::new(Absent, Absent, geometry()), room)
 }
 
 /// The same with one memory.

@@ -9,6 +9,7 @@ mod target {
 
     use cortex_m_semihosting::debug::{self, EXIT_FAILURE, EXIT_SUCCESS};
     use truepose::Model;
+    use truepose::compensate::spherical_wrist::SphericalWrist;
     use truepose::params::decode_into;
     use truepose_firmware::arm::JOINTS;
     use truepose_firmware::parameters::{ROOM, WITH_EFFECTS};
@@ -28,8 +29,13 @@ mod target {
     fn start() -> ! {
         let mut model = Model::<f32, JOINTS>::empty();
         let decoded = decode_into(black_box(WITH_EFFECTS), &mut model);
+        let arm = model.nominal.clone();
+        let wrist = SphericalWrist::of(&arm);
         let ends_well = decoded.is_ok()
-            && controller::run(&model, &clock())
+            && wrist.is_some_and(|wrist| {
+                let inverse = |pose: &_, near: &_| wrist.inverse(pose, near);
+                controller::run(&model, &clock(), Some(&inverse))
+            })
             && controller::keep(&mut [0; ROOM]);
         loop {
             debug::exit(if ends_well {
