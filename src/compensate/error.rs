@@ -17,7 +17,7 @@ pub struct PoseError<T> {
 
 /// The twist from `predicted` to `desired`: [`Pose::twist_to`], with the logarithm of small
 /// rotations by a series that needs no arc tangent.
-#[inline]
+#[inline(never)]
 pub(super) fn between<T: Scalar>(predicted: &Pose<T>, desired: &Pose<T>) -> Twist<T> {
     let (a, b) = (&predicted.rotation, &desired.rotation);
     // Half the sum of the cross products of the columns: sine of the angle times the axis.

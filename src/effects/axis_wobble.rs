@@ -135,13 +135,12 @@ impl<T: Scalar> EffectModel<T> for AxisWobble<T> {
     }
 
     #[inline]
-    fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
+    fn displacement(&self, at: &Posture<'_, T>) -> Displacement<T> {
         let angle = self.order * entry(at.q, usize::from(self.joint));
         let [a, b, c, d] = self.amplitude;
         let (sine, cosine) = angle.sincos();
         let less = cosine - T::one();
         self.wobbled(at, a * sine + b * less, c * sine + d * less)
-            .at_tool(at)
     }
 }
 

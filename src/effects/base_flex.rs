@@ -83,8 +83,8 @@ impl<T: Scalar> EffectModel<T> for BaseFlex<T> {
         self.tilted(at, unit(k))
     }
 
-    fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
-        self.tilted(at, self.compliance).at_tool(at)
+    fn displacement(&self, at: &Posture<'_, T>) -> Displacement<T> {
+        self.tilted(at, self.compliance)
     }
 }
 

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     Anchor, Description, Displacement, EffectModel, Posture, Selector, Stage, about_joint, unit,
 };
-use crate::{Scalar, Twist};
+use crate::Scalar;
 
 /// Free gravity lever: the part of a joint's compliance that comes from one link beyond it (or
 /// its own), as the product of compliance, mass and centre of mass.
@@ -91,8 +91,8 @@ impl<T: Scalar> EffectModel<T> for GravityLever<T> {
         self.turned(at, unit(k))
     }
 
-    fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
-        self.turned(at, self.lever).at_tool(at)
+    fn displacement(&self, at: &Posture<'_, T>) -> Displacement<T> {
+        self.turned(at, self.lever)
     }
 }
 

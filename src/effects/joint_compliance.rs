@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Displacement, EffectModel, Posture, Stage, about_joint, moved};
-use crate::{JointKind, Scalar, Twist};
+use super::{Displacement, EffectModel, Posture, Stage, about_joint};
+use crate::Scalar;
 
 /// Joint compliance: turns (or slides) the joint by `compliance` times gravity's torque (or
 /// force) on it, link masses and payload included. MRD 7.7.
@@ -73,20 +73,5 @@ impl<T: Scalar> EffectModel<T> for JointCompliance<T> {
             d.twist = d.twist.scaled(load);
         }
         d
-    }
-
-    #[inline]
-    fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
-        let j = usize::from(self.joint);
-        moved(at, j, |kind, frame| {
-            let loads = match kind {
-                JointKind::Revolute => at.moments,
-                JointKind::Prismatic => at.forces,
-            };
-            let load = loads
-                .get(j)
-                .map_or_else(T::zero, |load| frame.axis().dot(load));
-            load * self.compliance[0]
-        })
     }
 }

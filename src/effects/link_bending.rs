@@ -164,8 +164,8 @@ impl<T: Scalar> EffectModel<T> for LinkBending<T> {
         self.bent(at, unit(k))
     }
 
-    fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
-        self.bent(at, self.flexibility).at_tool(at)
+    fn displacement(&self, at: &Posture<'_, T>) -> Displacement<T> {
+        self.bent(at, self.flexibility)
     }
 }
 

@@ -35,7 +35,6 @@ mod warm_up;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::chain::Frame;
 use crate::{JointKind, Scalar, Twist};
 use situation::since;
 
@@ -174,13 +173,15 @@ pub trait EffectModel<T: Scalar> {
         sum
     }
 
-    /// [`Stage::Posture`]: the whole displacement of the tool point. Computed at once where
-    /// the partials share their work.
+    /// [`Stage::Posture`]: the whole displacement. Computed at once where the partials share
+    /// their work. All of them are about the same origin.
     #[inline]
-    fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
-        let mut sum = Twist::zero();
+    fn displacement(&self, at: &Posture<'_, T>) -> Displacement<T> {
+        let mut sum = Displacement::zero();
         for (k, &value) in self.values().iter().enumerate() {
-            sum = sum.plus(&self.posture_partial(k, at).at_tool(at).scaled(value));
+            let partial = self.posture_partial(k, at);
+            sum.origin = partial.origin;
+            sum.twist = sum.twist.plus(&partial.twist.scaled(value));
         }
         sum
     }
@@ -263,7 +264,7 @@ macro_rules! effects {
             /// Displacement of the tool point, axes of the kinematics' start frame.
             #[inline]
             pub fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
-                match self { $(Self::$name(e) => e.displacement(at)),+ }
+                match self { $(Self::$name(e) => e.displacement(at)),+ }.at_tool(at)
             }
         }
     };
@@ -326,28 +327,6 @@ pub(crate) fn about_joint<T: Scalar>(at: &Posture<'_, T>, j: usize) -> Displacem
             origin: frame.origin,
         },
         _ => Displacement::zero(),
-    }
-}
-
-/// Displacement of the tool point by `amount` (rad or m) of joint `j`'s own motion, `amount`
-/// from the joint and its frame.
-#[inline]
-fn moved<T: Scalar>(
-    at: &Posture<'_, T>,
-    j: usize,
-    amount: impl FnOnce(JointKind, &Frame<T>) -> T,
-) -> Twist<T> {
-    match (at.joints.get(j), at.frames.get(j)) {
-        (Some(joint), Some(frame)) => {
-            let along = frame.axis() * amount(joint.kind, frame);
-            match joint.kind {
-                JointKind::Revolute => {
-                    Twist::new(along.cross(&(at.tool.translation - frame.origin)), along)
-                }
-                JointKind::Prismatic => Twist::new(along, Vector3::zeros()),
-            }
-        }
-        _ => Twist::zero(),
     }
 }
 

@@ -91,6 +91,22 @@ impl<T: Scalar> EffectModel<T> for PrismaticStraightness<T> {
 
     #[inline]
     fn posture_partial(&self, k: usize, at: &Posture<'_, T>) -> Displacement<T> {
+        let s = entry(at.q, usize::from(self.joint));
+        self.carried(at, if k == 0 { s } else { s * s })
+    }
+
+    #[inline]
+    fn displacement(&self, at: &Posture<'_, T>) -> Displacement<T> {
+        let s = entry(at.q, usize::from(self.joint));
+        let [linear, quadratic] = self.shape;
+        self.carried(at, linear * s + quadratic * (s * s))
+    }
+}
+
+impl<T: Scalar> PrismaticStraightness<T> {
+    /// Along or about its axis by this amount.
+    #[inline]
+    fn carried(&self, at: &Posture<'_, T>, amount: T) -> Displacement<T> {
         let j = usize::from(self.joint);
         let Some(frame) = at.frames.get(j) else {
             return Displacement::zero();
@@ -101,8 +117,7 @@ impl<T: Scalar> EffectModel<T> for PrismaticStraightness<T> {
             1 => y,
             _ => frame.axis(),
         };
-        let s = entry(at.q, j);
-        let error = direction * if k == 0 { s } else { s * s };
+        let error = direction * amount;
         Displacement {
             twist: if self.axis < 3 {
                 Twist::new(error, Vector3::zeros())

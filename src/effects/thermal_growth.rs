@@ -146,19 +146,4 @@ impl<T: Scalar> EffectModel<T> for ThermalGrowth<T> {
             origin: frame.origin,
         }
     }
-
-    #[inline]
-    fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
-        let j = usize::from(self.joint);
-        let (Some(joint), Some(frame)) = (at.joints.get(j), at.frames.get(j)) else {
-            return Twist::zero();
-        };
-        let longer = self.longer(at.ambient);
-        let way = match (self.grows, joint.kind) {
-            (Grows::Link, _) => frame.rotation * (self.link * longer),
-            (Grows::Travel, JointKind::Prismatic) => frame.axis() * (entry(at.q, j) * longer),
-            (Grows::Travel, JointKind::Revolute) => return Twist::zero(),
-        };
-        Twist::new(way, Vector3::zeros())
-    }
 }

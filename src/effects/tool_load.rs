@@ -1,8 +1,9 @@
 //! A tool whose mass nobody declared, on a compliant joint.
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Displacement, EffectModel, Posture, Stage, about_joint, moved};
+use super::{Displacement, EffectModel, Posture, Stage};
 use crate::{JointKind, Scalar, Twist};
 
 /// Tool load: turns (or slides) the joint by `load` times the torque (or force) of a unit mass
@@ -60,21 +61,21 @@ impl<T: Scalar> EffectModel<T> for ToolLoad<T> {
 
     #[inline]
     fn posture_partial(&self, _k: usize, at: &Posture<'_, T>) -> Displacement<T> {
-        let mut d = about_joint(at, usize::from(self.joint));
-        let moment = (at.tool.translation - d.origin).cross(at.gravity);
-        let load = d.twist.angular.dot(&moment) + d.twist.linear.dot(at.gravity);
-        d.twist = d.twist.scaled(load);
-        d
-    }
-
-    #[inline]
-    fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
-        moved(at, usize::from(self.joint), |kind, frame| {
-            let load = match kind {
-                JointKind::Revolute => (at.tool.translation - frame.origin).cross(at.gravity),
-                JointKind::Prismatic => *at.gravity,
-            };
-            frame.axis().dot(&load) * self.load[0]
-        })
+        let j = usize::from(self.joint);
+        let (Some(joint), Some(frame)) = (at.joints.get(j), at.frames.get(j)) else {
+            return Displacement::zero();
+        };
+        let (z, o) = (frame.axis(), Vector3::zeros());
+        let twist = match joint.kind {
+            JointKind::Revolute => {
+                let moment = (at.tool.translation - frame.origin).cross(at.gravity);
+                Twist::new(o, z * z.dot(&moment))
+            }
+            JointKind::Prismatic => Twist::new(z * z.dot(at.gravity), o),
+        };
+        Displacement {
+            twist,
+            origin: frame.origin,
+        }
     }
 }

@@ -170,15 +170,10 @@ impl<'a, T: Scalar> Block<'a, T> {
         }
     }
 
-    /// See [`Polynomial::instructions`]. Each polynomial of all inputs but the last is one
-    /// call, with its terms' coefficients in front.
+    /// See [`Polynomial::instructions`].
     fn instructions(&self, outputs: usize) -> usize {
-        let (inputs, degree) = (self.region.inputs(), usize::from(self.degree));
-        let calls = terms(inputs.saturating_sub(1), degree);
-        (self.coefficients.len() / 4)
-            .saturating_mul(PER_COEFFICIENT)
-            .saturating_add(calls.saturating_mul(PER_CALL + outputs * PER_CALL_OUTPUT))
-            .saturating_add(AROUND + inputs * PER_INPUT)
+        let count = self.coefficients.len() / 4;
+        instructions(self.region.inputs(), self.degree, count, outputs)
     }
 
     /// All M polynomials at once.
@@ -188,6 +183,17 @@ impl<'a, T: Scalar> Block<'a, T> {
         let inputs = place.x.get(..self.region.inputs()).unwrap_or(&[]);
         horner(inputs, usize::from(self.degree), &mut rows)
     }
+}
+
+/// See [`Polynomial::instructions`]. Each polynomial of all inputs but the last is one call,
+/// with its terms' coefficients in front.
+#[inline(never)]
+fn instructions(inputs: usize, degree: u8, coefficients: usize, outputs: usize) -> usize {
+    let calls = terms(inputs.saturating_sub(1), usize::from(degree));
+    coefficients
+        .saturating_mul(PER_COEFFICIENT)
+        .saturating_add(calls.saturating_mul(PER_CALL + outputs * PER_CALL_OUTPUT))
+        .saturating_add(AROUND + inputs * PER_INPUT)
 }
 
 /// Coefficients of a product of powers, little-endian `f32`, one an output.
