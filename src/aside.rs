@@ -1,9 +1,11 @@
 //! What is large and not in a hurry.
 
-use crate::Scalar;
 use crate::chain::{BakedJoint, Frame};
 use crate::compensate::{Along, descent, lqr, minimum_move, step};
+use crate::effects::{Ambient, Unnamed, unnamed};
+use crate::prepared;
 use crate::taught::{Cmac, Outputs, Place, Region, cmac, place};
+use crate::{Prepared, Scalar};
 use nalgebra::Vector3;
 
 /// Declares a trait of functions and implements it for both number types.
@@ -27,6 +29,21 @@ macro_rules! aside {
 }
 
 aside! {
+    /// What is left to the effects' contract adds to the readings.
+    fn set_contracted(
+        prepared: &Prepared<'_, Self>,
+        q: &[Self],
+        additions: &mut [Self],
+    ) = prepared::set_contracted;
+
+    /// An unnamed term without its amplitude.
+    fn product(
+        term: &Unnamed<Self>,
+        q: &[Self],
+        direction: &[Self],
+        ambient: &Ambient<Self>,
+    ) -> Self = unnamed::product;
+
     /// See [`minimum_move::nearest`].
     fn neighbours(q: Self, step: Self, limits: &[Self; 2]) -> Option<(Self, Self)>
         = minimum_move::neighbours;

@@ -14,7 +14,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::pose::seen;
+use crate::pose::{columns, seen};
 use crate::{Convention, Joint, JointKind, Pose, Scalar};
 
 /// What gravity acts on in one link.
@@ -79,7 +79,8 @@ impl<T: Scalar> Frame<T> {
     /// The joint's axis, unit.
     #[inline]
     pub fn axis(&self) -> Vector3<T> {
-        self.rotation.column(2).into_owned()
+        let [_, _, z] = columns(&self.rotation);
+        z
     }
 }
 
@@ -222,9 +223,7 @@ pub fn forward<T: Scalar>(
     q: &[T],
     frames: &mut [Frame<T>],
 ) -> Pose<T> {
-    let mut x: Vector3<T> = start.rotation.column(0).into_owned();
-    let mut y: Vector3<T> = start.rotation.column(1).into_owned();
-    let mut z: Vector3<T> = start.rotation.column(2).into_owned();
+    let [mut x, mut y, mut z] = columns(&start.rotation);
     let mut p = start.translation;
     for ((joint, &q), frame) in joints.iter().zip(q).zip(frames.iter_mut()) {
         let (s, c) = match joint.kind {

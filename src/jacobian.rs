@@ -60,8 +60,11 @@ impl<T: Scalar> AttachedTwist<T> {
 /// A twist seen from another frame: `pose` is the twist's own frame seen from there.
 pub fn carried<T: Scalar>(pose: &Pose<T>, twist: &Twist<T>) -> Twist<T> {
     let w = rotated(&pose.rotation, &twist.angular);
-    let v = rotated(&pose.rotation, &twist.linear) + crossed(&pose.translation, &w);
-    Twist::new(v, w)
+    let (v, a) = (
+        rotated(&pose.rotation, &twist.linear),
+        crossed(&pose.translation, &w),
+    );
+    Twist::new(Vector3::new(v.x + a.x, v.y + a.y, v.z + a.z), w)
 }
 
 /// The constant twists of parameter `parameter` of joint `j` (from 0), attached to frames of

@@ -338,13 +338,11 @@ fn rodrigues<T: Scalar>(angle2: T) -> (T, T) {
 /// a call on a controller.
 #[inline(never)]
 pub(crate) fn rotated<T: Scalar>(r: &Matrix3<T>, v: &Vector3<T>) -> Vector3<T> {
-    let mut sum = Vector3::zeros();
-    for (axis, &v) in columns(r).iter().zip(v.iter()) {
-        for (sum, &axis) in sum.iter_mut().zip(axis.iter()) {
-            *sum += axis * v;
-        }
-    }
-    sum
+    Vector3::new(
+        r.m11 * v.x + r.m12 * v.y + r.m13 * v.z,
+        r.m21 * v.x + r.m22 * v.y + r.m23 * v.z,
+        r.m31 * v.x + r.m32 * v.y + r.m33 * v.z,
+    )
 }
 
 /// `a x b`, out of line likewise.
@@ -355,7 +353,8 @@ pub(crate) fn crossed<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
 
 /// [`Pose::point`], out of line likewise.
 pub(crate) fn seen<T: Scalar>(pose: &Pose<T>, point: &Vector3<T>) -> Vector3<T> {
-    pose.translation + rotated(&pose.rotation, point)
+    let (p, t) = (rotated(&pose.rotation, point), &pose.translation);
+    Vector3::new(t.x + p.x, t.y + p.y, t.z + p.z)
 }
 
 /// The three axes of a rotation.

@@ -444,7 +444,7 @@ impl<T: Scalar> Prepared<'_, T> {
         let arm = &self.arm;
         let contracted = !self.readings.none(arm.effects);
         if contracted {
-            self.set_contracted(q, scratch.readings);
+            T::set_contracted(self, q, scratch.readings);
         }
         self.correct(q, contracted, scratch.readings);
         let (end, growth) = self.pass(q, scratch);
@@ -461,25 +461,6 @@ impl<T: Scalar> Prepared<'_, T> {
             twist = twist.plus(&self.displaced_by_contract(q, &rigid, scratch));
         }
         Prediction { rigid, twist }
-    }
-
-    /// What is left to the contract adds to the readings.
-    #[inline(never)]
-    fn set_contracted(&self, q: &[T], additions: &mut [T]) {
-        for addition in additions.iter_mut() {
-            *addition = T::zero();
-        }
-        let reading = Reading {
-            q,
-            direction: self.direction,
-            ambient: self.ambient,
-        };
-        for effect in self.readings.of(self.arm.effects, Stage::Reading) {
-            let (j, more) = effect.addition(&reading);
-            if let Some(addition) = additions.get_mut(j) {
-                *addition += more;
-            }
-        }
     }
 
     #[inline(never)]
@@ -595,5 +576,23 @@ impl<T: Scalar> Prepared<'_, T> {
             }
         }
         *twist = Twist::new(v, w);
+    }
+}
+
+/// What is left to the contract adds to the readings.
+pub(crate) fn set_contracted<T: Scalar>(prepared: &Prepared<'_, T>, q: &[T], additions: &mut [T]) {
+    for addition in additions.iter_mut() {
+        *addition = T::zero();
+    }
+    let reading = Reading {
+        q,
+        direction: prepared.direction,
+        ambient: prepared.ambient,
+    };
+    for effect in prepared.readings.of(prepared.arm.effects, Stage::Reading) {
+        let (j, more) = effect.addition(&reading);
+        if let Some(addition) = additions.get_mut(j) {
+            *addition += more;
+        }
     }
 }

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::{Displacement, Posture};
 use crate::chain::{Frame, Gauge};
 use crate::jacobian::carried;
+use crate::pose::columns;
 use crate::{Convention, Joint, Pose, Scalar, Twist};
 
 /// The described arm beside its baked form, for effects to attach themselves to. In double
@@ -79,8 +80,7 @@ impl<T: Scalar> Anchor<T> {
     #[inline]
     pub(super) fn axes(&self, frame: &Frame<T>) -> [Vector3<T>; 2] {
         let [c, s, ..] = self.0;
-        let x = frame.rotation.column(0);
-        let y = frame.rotation.column(1);
+        let [x, y, _] = columns(&frame.rotation);
         [x * c + y * s, y * c - x * s]
     }
 }

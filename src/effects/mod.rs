@@ -29,7 +29,7 @@ mod thermal_drift;
 mod thermal_growth;
 mod time_drift;
 mod tool_load;
-mod unnamed;
+pub(crate) mod unnamed;
 mod warm_up;
 
 use nalgebra::Vector3;

@@ -99,23 +99,28 @@ impl<T: Scalar> Unnamed<T> {
             limits: self.limits.map(|x| U::of(x.widen())),
         }
     }
+}
 
-    #[inline]
-    fn product(&self, q: &[T], direction: &[T], ambient: &Ambient<T>) -> T {
-        let [a, b, c, d, e, f] = self.limits;
-        let [first, second] = &self.factors;
-        let value = |factor: &Factor, limits| {
-            let x = match factor.variable {
-                Variable::Joint(j) => entry(q, usize::from(j)),
-                Variable::Direction(j) => entry(direction, usize::from(j)),
-                Variable::Time => ambient.time,
-                Variable::Temperature(sensor) => entry(&ambient.temperature, usize::from(sensor)),
-                Variable::Payload => ambient.payload,
-            };
-            factor.shape.at(x, limits)
+/// The product of a term's functions.
+pub(crate) fn product<T: Scalar>(
+    term: &Unnamed<T>,
+    q: &[T],
+    direction: &[T],
+    ambient: &Ambient<T>,
+) -> T {
+    let [a, b, c, d, e, f] = term.limits;
+    let mut product = T::one();
+    for (factor, limits) in term.factors.iter().zip([[a, b, c], [d, e, f]]) {
+        let x = match factor.variable {
+            Variable::Joint(j) => entry(q, usize::from(j)),
+            Variable::Direction(j) => entry(direction, usize::from(j)),
+            Variable::Time => ambient.time,
+            Variable::Temperature(sensor) => entry(&ambient.temperature, usize::from(sensor)),
+            Variable::Payload => ambient.payload,
         };
-        value(first, [a, b, c]) * value(second, [d, e, f])
+        product *= factor.shape.at(x, limits);
     }
+    product
 }
 
 impl Shape {
@@ -221,12 +226,12 @@ impl<T: Scalar> EffectModel<T> for Unnamed<T> {
 
     #[inline]
     fn reading_partial(&self, _k: usize, at: &Reading<'_, T>) -> T {
-        self.product(at.q, at.direction, at.ambient)
+        T::product(self, at.q, at.direction, at.ambient)
     }
 
     #[inline]
     fn posture_partial(&self, _k: usize, at: &Posture<'_, T>) -> Displacement<T> {
-        let factor = self.product(at.q, at.direction, at.ambient);
+        let factor = T::product(self, at.q, at.direction, at.ambient);
         self.place.displaced(at, factor)
     }
 }
