@@ -180,7 +180,7 @@ pub fn bake<T: Scalar>(
                     r[(0, 0)] * c + r[(1, 0)] * s,
                     -(r[(0, 1)] * c + r[(1, 1)] * s),
                 );
-                beyond.theta = sine.arctangent2(cosine);
+                beyond.theta = T::angle(sine, cosine);
                 beyond.sincos_theta = [sine, cosine];
                 baked.sin_alpha = r[(0, 2)] * s - r[(1, 2)] * c;
                 baked.cos_alpha = r[(2, 2)];

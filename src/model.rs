@@ -134,6 +134,7 @@ impl<T: Scalar, const N: usize> BakedChain<T, N> {
     }
 
     /// No arm at all: every joint turns about the world's z.
+    #[inline(never)]
     pub fn identity() -> Self {
         Self {
             base: Pose::identity(),
@@ -218,6 +219,7 @@ impl<T: Scalar, const N: usize> Room<T, N> {
 impl<T: Scalar, const N: usize> Model<'_, T, N> {
     /// The place of a model that [`crate::params::decode_into`] is to fill: an arm without
     /// length that cannot move.
+    #[inline(never)]
     pub fn empty() -> Self {
         Self {
             nominal: BakedChain::identity(),

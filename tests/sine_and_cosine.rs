@@ -83,3 +83,17 @@ fn whole_quarter_turns_keep_the_sign() {
         assert!((f64::from(c) - angle.cos()).abs() < 1.0e-6);
     }
 }
+
+#[test]
+fn the_angle_of_a_sine_and_a_cosine_is_their_arc_tangent() {
+    for k in -4000..=4000_i16 {
+        let angle = f64::from(k) * (core::f64::consts::PI / 4000.0);
+        let tiny = angle * 1e-9;
+        for angle in [angle, tiny, 0.5 + tiny] {
+            let (s, c) = angle.sin_cos();
+            let error = (f64::angle(s, c) - s.atan2(c)).abs();
+            assert!(error <= 4.5e-16 * angle.abs(), "{angle}: {error:e}");
+            assert!((f32::angle(s as f32, c as f32) - angle as f32).abs() < 3e-7);
+        }
+    }
+}

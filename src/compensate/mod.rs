@@ -204,6 +204,7 @@ pub struct Compensator<'m, T: Scalar, const N: usize> {
 
 impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
     /// With the settings that came with the model.
+    #[inline(never)]
     pub fn new(model: &'m Model<'m, T, N>) -> Self {
         let mut compensator = Self {
             model,
@@ -225,6 +226,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
     }
 
     /// With other settings. Unsound ones (see [`Settings::sound`]) are not taken.
+    #[inline(never)]
     #[must_use]
     pub fn with_settings(mut self, settings: Settings<T>) -> Self {
         if settings.sound() {
