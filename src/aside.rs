@@ -74,6 +74,9 @@ aside! {
         bound: &[Self; 2],
     ) = step::keep_near;
 
+    /// Says which of `q` stand at an end of their interval.
+    fn bounded(q: &[Self], room: &[[Self; 2]], clamped: &mut [bool]) = step::bounded;
+
     /// Moves each of `q` into its interval.
     fn confine(q: &mut [Self], room: &[[Self; 2]]) = step::confine;
 

@@ -380,9 +380,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             task_point = Some(self.model.nominal_pose(&best.q));
         }
         let mut clamped = [false; N];
-        for ((clamped, &q), &[low, high]) in clamped.iter_mut().zip(&best.q).zip(&descent.room) {
-            *clamped = q <= low || q >= high;
-        }
+        T::bounded(&best.q, &descent.room, &mut clamped);
         Outcome {
             q: best.q,
             status: found.status,
@@ -418,9 +416,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         budget: &Budget<'_, C>,
     ) -> Outcome<T, N> {
         let mut clamped = [false; N];
-        for ((clamped, &q), &[low, high]) in clamped.iter_mut().zip(&q).zip(&self.model.limits) {
-            *clamped = q <= low || q >= high;
-        }
+        T::bounded(&q, &self.model.limits, &mut clamped);
         Outcome {
             q,
             status,

@@ -246,6 +246,13 @@ pub(crate) fn keep_near<T: Scalar>(
     }
 }
 
+/// Says which of `q` stand at an end of their interval, or beyond.
+pub(crate) fn bounded<T: Scalar>(q: &[T], room: &[[T; 2]], clamped: &mut [bool]) {
+    for ((clamped, &q), &[low, high]) in clamped.iter_mut().zip(q).zip(room) {
+        *clamped = q <= low || q >= high;
+    }
+}
+
 /// Moves each of `q` into its interval.
 pub(crate) fn confine<T: Scalar>(q: &mut [T], room: &[[T; 2]]) {
     for (q, room) in q.iter_mut().zip(room) {

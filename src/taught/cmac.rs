@@ -79,7 +79,7 @@ impl Layout {
 const PER_LAYER: usize = 60;
 const PER_INPUT: usize = 50;
 /// Instructions of all else, and in it of an input and its output.
-const AROUND: usize = 360;
+const AROUND: usize = 520;
 const AROUND_INPUT: usize = 60;
 
 /// Corrections of all joints.
@@ -134,10 +134,10 @@ impl<'a, T: Scalar> Cmac<'a, T> {
 pub(crate) fn cells<T: Scalar>(cmac: &Cmac<'_, T>, q: &[T]) -> Option<Outputs<T>> {
     let Place { x: mut at, share } = cmac.region.place(q)?;
     let half = T::count(i16::from(cmac.layout.cells)) / T::of(2.0);
-    for at in &mut at {
+    let at = at.get_mut(..q.len())?;
+    for at in at.iter_mut() {
         *at = (*at + T::one()) * half;
     }
-    let at = at.get(..q.len())?;
     let (counts, _) = cmac.table.as_chunks::<2>();
     let mut sum = [T::zero(); MAX_OUTPUTS];
     let mut total = T::zero();

@@ -202,17 +202,20 @@ type Row<const M: usize> = [[u8; 4]; M];
 /// Horner's rule in the first input, whose coefficients are polynomials of the others. As deep
 /// as there are inputs, less one: the last has a loop.
 fn horner<T: Scalar, const M: usize>(x: &[T], degree: usize, rows: &mut &[Row<M>]) -> [T; M] {
-    let (first, others) = match *x {
-        [] => return powers(T::one(), take(rows, 1)),
-        [only] => return powers(only, take(rows, degree + 1)),
-        [first, ref others @ ..] => (first, others),
+    let (first, others, least) = match *x {
+        [] | [_] => (T::one(), x, degree),
+        [first, ref others @ ..] => (first, others, 0),
     };
     let mut sum = [T::zero(); M];
-    for left in 0..=degree {
-        let inner = match *others {
-            [last] => powers(last, take(rows, left + 1)),
-            _ if left == 0 => powers(first, take(rows, 1)),
-            _ => horner(others, left, rows),
+    for left in least..=degree {
+        // One copy of the loop of the last input, whatever leads there.
+        let (last, count) = match *others {
+            [last] => (Some(last), left + 1),
+            _ => (Some(first).filter(|_| left == 0 || others.is_empty()), 1),
+        };
+        let inner = match last {
+            Some(last) => powers(last, take(rows, count)),
+            None => horner(others, left, rows),
         };
         for (sum, inner) in sum.iter_mut().zip(inner) {
             *sum = *sum * first + inner;
