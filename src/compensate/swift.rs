@@ -25,6 +25,8 @@
 //! Jacobian says that it would change next to nothing: a share of at most `λ² |J⁻¹|²`, which is
 //! below `λ² / singular_value²`.
 
+mod eased;
+
 use nalgebra::{Matrix3, Vector3};
 
 use super::damped::{cross, multipliers, share};
@@ -340,7 +342,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
         let settings = &self.settings;
         let chain = &self.model.calibrated;
         if constants.regulator && !constants.clear_of_margins(&request.q) {
-            return None;
+            return self.eased(request, desired, budget.fits(iteration_cycles));
         }
         let target = without(desired, &chain.base, &chain.tool);
         let tip = &chain.tool.translation;
