@@ -198,7 +198,7 @@ impl Cost {
         let along = n.saturating_mul(880);
         Self {
             start: evaluation
-                .saturating_mul(4)
+                .saturating_mul(3)
                 .saturating_add(preparation)
                 .saturating_add(factor)
                 .saturating_add(n.saturating_mul(600))

@@ -433,7 +433,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
 /// What a compensation costs at worst, in general and in the plain case.
 fn costs<T: Scalar, const N: usize>(model: &Model<'_, T, N>, settings: &Settings<T>) -> [Cost; 2] {
     match settings.iteration_cycles {
-        // Four evaluations and a factor take less than three iterations; what is around the
+        // Three evaluations and a factor take less than three iterations; what is around the
         // plain case, a pose among it, less than two of its own, which are the shorter ones.
         Some(iteration) => [3, 2].map(|start| Cost {
             start: iteration.saturating_mul(start),
