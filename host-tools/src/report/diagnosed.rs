@@ -264,6 +264,8 @@ fn effects(named: &Named, stage: &Stage) -> Vec<Effect> {
                     all.get(usize::from(component)).map(|c| (*c).to_owned())
                 });
                 let mut shown = entry(model.joint(), component);
+                // whose weight it is
+                shown.from = model.selector().from.map(|j| j + 1);
                 if let truepose::effects::Effect::Unnamed(term) = effect {
                     shown.depends_on = variables(term).into_iter().map(named_column).collect();
                     if let truepose::effects::Place::Base { axis, .. } = term.place {

@@ -140,19 +140,20 @@ pub struct Alternative {
 impl Effect {
     /// As it stands in the names of its parameters.
     pub fn name(&self) -> String {
-        let selector = selector(self.joint, self.order, self.from);
+        effect_name(&self.kind, &self.selector(&self.kind))
+    }
+
+    /// What it would be as an effect of this kind.
+    fn selector(&self, kind: &str) -> Selector {
         let component = self.component.as_deref().and_then(|component| {
-            let all = Kind::of(&self.kind)?.components;
+            let all = Kind::of(kind)?.components;
             let place = all.iter().position(|&c| c == component)?;
             u8::try_from(place).ok()
         });
-        effect_name(
-            &self.kind,
-            &Selector {
-                component,
-                ..selector
-            },
-        )
+        Selector {
+            component,
+            ..selector(self.joint, self.order, self.from)
+        }
     }
 }
 
@@ -169,6 +170,8 @@ impl Effect {
         let unit = match (self.kind.as_str(), parameter) {
             ("joint-curve", "measured share") => "",
             ("early-reading" | "joint-curve" | "unnamed", _) => "rad",
+            // a weight at the tool in place of masses that nobody described
+            ("joint-compliance", "load") => self.unit_of("tool-load", parameter),
             ("instrument-moved", _) => self.unit_of("step-change", parameter),
             (kind, _) => self.unit_of(kind, parameter),
         };
@@ -183,7 +186,7 @@ impl Effect {
     }
 
     fn unit_of(&self, kind: &str, parameter: &str) -> &'static str {
-        let selector = selector(self.joint, self.order, self.from);
+        let selector = self.selector(kind);
         let effect = truepose::effects::Effect::<f64>::named(kind, &selector);
         effect.map_or("", |effect| {
             let model = effect.model();
