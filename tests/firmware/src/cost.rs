@@ -294,7 +294,7 @@ fn compensation(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Res
     )?;
     writeln!(
         out,
-        "iteration = pose_in_two_iterations - pose_in_one_iteration: a damped step and its evaluation, where the step's bound does not save it"
+        "iteration = pose_in_two_iterations - pose_in_one_iteration: a step and its evaluation, where the step's bound does not save it"
     )?;
     writeln!(
         out,
@@ -302,7 +302,7 @@ fn compensation(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Res
     )?;
     writeln!(
         out,
-        "regulated_pose: a pose given, one step of the linear quadratic regulator, both ends evaluated"
+        "regulated_pose: a pose given, one step of the linear quadratic regulator, its end bounded"
     )?;
     writeln!(
         out,
