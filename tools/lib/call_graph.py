@@ -2,13 +2,13 @@
 
 Read from the disassembly. Of a function: the functions it branches to or calls; the bytes by
 which it lowers the stack pointer; whether it calls through a register, which a disassembly
-does not follow.
+does not follow; whether it calls itself.
 """
 import re
 import subprocess
 from collections import namedtuple
 
-Function = namedtuple("Function", "name size frame callees through_register")
+Function = namedtuple("Function", "name size frame callees through_register calls_itself")
 
 HEAD = re.compile(r"([0-9a-f]{8}) <(.*)>:$")
 TARGET = re.compile(r"\b([0-9a-f]+) <")
@@ -54,7 +54,8 @@ def functions(program):
         if head:
             start = int(head[1], 16)
             name = re.sub(r"::h[0-9a-f]{16}$", "", head[2])
-            found[start] = {"name": name, "size": 0, "frame": 0, "targets": set(), "register": False}
+            found[start] = {"name": name, "size": 0, "frame": 0, "targets": set(), "register": False,
+                            "itself": False}
             continue
         cells = line.split("\t")
         if start is None or len(cells) < 3 or cells[2].startswith("."):
@@ -65,6 +66,9 @@ def functions(program):
         target = JUMP.match(name) and TARGET.search(operands)
         if target:
             function["targets"].add(int(target[1], 16))
+            # A branch to its beginning may be a loop, a call is none.
+            function["itself"] |= name.startswith("bl") and re.match(r"blx?(\.[nw])?$", name) is not None \
+                and int(target[1], 16) == start
         elif re.match(r"blx|bx", name) and not operands.startswith("lr"):
             function["register"] = True
     graph = {}
@@ -72,12 +76,13 @@ def functions(program):
         inside = range(start, start + function["size"])
         callees = frozenset(to for to in function["targets"] if to in found and to not in inside)
         graph[start] = Function(function["name"], function["size"], function["frame"], callees,
-                                function["register"])
+                                function["register"], function["itself"])
     return graph
 
 
-def deepest(graph, start):
-    """Most stack below a call of `start`, bytes, and the functions on the way there."""
+def deepest(graph, start, times=lambda name: 1):
+    """Most stack below a call of `start`, bytes, and the functions on the way there. `times`: how
+    often a function that calls itself is on the stack at most."""
     known = {}
 
     def visit(at, above):
@@ -86,7 +91,8 @@ def deepest(graph, start):
         if at not in known:
             ways = [visit(to, above + (at,)) for to in graph[at].callees]
             depth, way = max(ways, default=(0, ()))
-            known[at] = (graph[at].frame + depth, (at,) + way)
+            frames = times(graph[at].name) if graph[at].calls_itself else 1
+            known[at] = (graph[at].frame * frames + depth, (at,) + way)
         return known[at]
 
     depth, way = visit(start, ())
