@@ -16,6 +16,7 @@ pub mod model;
 mod naming;
 pub mod noise;
 pub mod opponent;
+mod ordered;
 mod pairs;
 pub mod periodogram;
 pub mod proportion;

@@ -148,6 +148,7 @@ impl<'a> Search<'a> {
             model = self.weighed(renamed)?;
             model = self.exchanged(model);
         }
+        model = self.ordered(arm, model)?;
         steps.retain(|s| model.accepted.iter().any(|h| h.is_same(&s.hypothesis)));
         Ok(Found { model, steps })
     }

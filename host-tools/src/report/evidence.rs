@@ -66,7 +66,7 @@ pub struct Panel {
     pub points: Vec<[f64; 3]>,
 }
 
-/// Of everything that `diagnosis` added, in order.
+/// Of everything that `diagnosis` found, in its order.
 pub(super) fn evidence(diagnosis: &Diagnosis) -> Vec<Evidence> {
     let identified = &diagnosis.identified;
     let sigmas = identified.problem.sigmas;

@@ -207,16 +207,16 @@ fn effect_table(out: &mut String, report: &Report) -> std::fmt::Result {
     writeln!(out, "</table>")
 }
 
-/// What was added, in order, what it did for rows that its fits had not seen, its rivals.
+/// What was found, what explains most first, what it did for rows that its fits had not seen, its rivals.
 fn steps(out: &mut String, evidence: &[Evidence]) -> std::fmt::Result {
     if evidence.is_empty() {
         return Ok(());
     }
     writeln!(
         out,
-        "<table class=\"steps\"><tr><th rowspan=\"2\">added, in order</th>\
+        "<table class=\"steps\"><tr><th rowspan=\"2\">found, what explains<br>most first</th>\
          <th rowspan=\"2\">rms without<br>and with it, mm</th>\
-         <th colspan=\"3\">left of the error of rows left out, %</th>\
+         <th colspan=\"3\">left of the error of rows left out,<br>when it was found, %</th>\
          <th rowspan=\"2\">chance</th></tr>\
          <tr><th>random</th><th>by time</th><th>by joints</th></tr>"
     )?;

@@ -211,7 +211,7 @@ pub(super) fn told(e: &Effect) -> impl Iterator<Item = (&str, f64)> {
     all.filter(move |(name, _)| !nameless || *name == "amplitude")
 }
 
-/// What was added, one a line, in order.
+/// What was found, one a line, what explains most first.
 fn steps(out: &mut String, evidence: &[Evidence]) -> std::fmt::Result {
     if evidence.is_empty() {
         return Ok(());
@@ -219,8 +219,9 @@ fn steps(out: &mut String, evidence: &[Evidence]) -> std::fmt::Result {
     writeln!(out)?;
     writeln!(
         out,
-        "added, in order; rms of the held-back rows with it, mm; error that remains of rows left \
-         out of\nits fits at random, in blocks of time, of joint space, %; probability by chance"
+        "found, what explains most first; rms of the held-back rows with it and those above, mm; \
+         when it\nwas found, error that remained of rows left out of its fits at random, in blocks \
+         of time, of joint\nspace, %; probability by chance"
     )?;
     for e in evidence {
         let held_back = held_back(e);
