@@ -9,7 +9,7 @@ use std::error::Error;
 use rayon::prelude::*;
 use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen, Visit};
 use truepose_host::diagnose::hypothesis::Hypothesis;
-use truepose_host::diagnose::{Answer, Diagnosis, Named, diagnose, input};
+use truepose_host::diagnose::{Answer, Diagnosis, Named, diagnose, input, likelier};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::assess::{Statistics, errors};
 use truepose_host::identify::observation::Observation;
@@ -338,15 +338,33 @@ fn judged(diagnosis: &Diagnosis, hidden: &[Hidden], rms: [f64; 4], seed: u64) ->
     };
     let [geometric, complete, floor, told] = rms.map(|x| x * 1e3);
     let remains = diagnosis.answer() == Answer::StructureRemains;
+    let truth = match run.named < run.hidden {
+        true => against_truth(diagnosis, hidden),
+        false => String::new(),
+    };
     if remains || run.named < run.hidden || named.len() > run.hidden || complete > 1.02 * told {
         run.remark = format!(
-            "{seed}: {hidden:?}, {geometric:.4} to {complete:.4} of {floor:.4} (told {told:.4}) mm, {:?}, {labels:?}, \
+            "{seed}: {hidden:?},{truth} {geometric:.4} to {complete:.4} of {floor:.4} (told {told:.4}) mm, {:?}, {labels:?}, \
              chances: {}",
             diagnosis.answer(),
             chances(diagnosis)
         );
     }
     run
+}
+
+/// Whether these rows speak for what is hidden or for what was named instead.
+fn against_truth(diagnosis: &Diagnosis, hidden: &[Hidden]) -> String {
+    let wanted: Vec<_> = hidden
+        .iter()
+        .map(|&h| move |candidate: &Hypothesis| same(candidate, h))
+        .collect();
+    let wanted: Vec<&dyn Fn(&Hypothesis) -> bool> = wanted.iter().map(|w| w as &_).collect();
+    match likelier(diagnosis, &wanted) {
+        Some(by) if by > 0.0 => format!(" the truth likelier by {by:.1},"),
+        Some(by) => format!(" the truth less likely by {:.1},", -by),
+        None => " the truth not comparable,".to_owned(),
+    }
 }
 
 /// Chances by which the verdict was found.

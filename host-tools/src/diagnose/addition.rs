@@ -425,7 +425,7 @@ fn is_gravity_on_all(hypothesis: &Hypothesis) -> bool {
 
 /// Held back in blocks of time, these have nothing to be predicted from. A term without a name
 /// has to hold there all the same: a polynomial of the time fits anything that is slow.
-fn drifts(candidate: &Hypothesis) -> bool {
+pub(super) fn drifts(candidate: &Hypothesis) -> bool {
     match &candidate.members {
         Members::Effects(effects) if candidate.kind != "unnamed" => {
             let by_temperature = matches!(candidate.kind, "thermal-drift" | "thermal-growth");

@@ -35,12 +35,17 @@ pub struct Substitute {
     pub similarity: f64,
     /// Smallest cosine: from here on every direction of the one is one of the other.
     pub sameness: f64,
+    /// Logarithm of how much likelier it is with any constants than with its own: others may
+    /// explain the rows as well.
+    pub ln_constants: f64,
 }
 
 /// Rivals of an accepted hypothesis.
 pub struct Substitutes {
     /// Its own score with all others in the model.
     pub own: Score,
+    /// As [`Substitute::ln_constants`].
+    pub own_ln_constants: f64,
     /// Largest gain first: those that cannot be ruled out, the best few in any case.
     pub others: Vec<Substitute>,
     /// The model without it.
@@ -161,7 +166,7 @@ impl Search<'_> {
         if nameless {
             candidates.extend(offered(&without, &space, &self.observations, self.sigmas));
         }
-        candidates.retain(|c| !c.is_same(&own));
+        let is_other: Vec<bool> = candidates.iter().map(|c| !c.is_same(&own)).collect();
         candidates.push(own);
         let references: Vec<&Hypothesis> = candidates.iter().collect();
         let columns = columns(&without.arm, &references, &self.observations, self.sigmas);
@@ -178,7 +183,13 @@ impl Search<'_> {
             }
         };
         let own_columns = columns.select(&[last]).matrix;
-        let mut order: Vec<usize> = (0..last).collect();
+        let ln_constants = |i: usize, gain: f64| {
+            let of_name = (0..last).filter(|&c| candidates[c].is_same(&candidates[i]));
+            let weight = |c: usize| candidates[c].ln_weight - candidates[i].ln_weight;
+            let terms = of_name.map(|c| (weight(c) + 0.5 * (scores[c].gain - gain)).exp());
+            terms.sum::<f64>().max(1.0).ln()
+        };
+        let mut order: Vec<usize> = (0..last).filter(|&i| is_other[i]).collect();
         order.sort_by(|&a, &b| scores[b].gain.total_cmp(&scores[a].gain).then(a.cmp(&b)));
         let close =
             |&(place, &i): &(usize, &usize)| place < LISTED || own.gain - scores[i].gain < RIVAL;
@@ -193,11 +204,13 @@ impl Search<'_> {
                     score: scores[i],
                     similarity: cosines.first().copied().unwrap_or(0.0),
                     sameness: cosines.last().copied().unwrap_or(0.0),
+                    ln_constants: ln_constants(i, scores[i].gain),
                 }
             })
             .collect();
         Ok(Substitutes {
             own,
+            own_ln_constants: ln_constants(last, own.gain),
             others,
             without,
         })

@@ -154,12 +154,14 @@ const ORDERS: u32 = 12;
 /// Highest order of an axis that wobbles.
 const WOBBLES: u32 = 6;
 
-/// Places of a step in time and time constants of a warm-up that are tried; the best is
-/// refined afterwards.
+/// Places of a step in time that are tried; the best is refined afterwards.
 const STEPS: usize = 19;
 
 /// Joints that give way, to described masses or to weight that nobody has described.
 pub(super) const YIELDS: &str = "joint-compliance";
+
+/// Time constants of a warm-up that are tried, in durations of the series.
+const FRACTIONS: [f64; 5] = [0.03, 0.06, 0.12, 0.25, 0.5];
 
 /// What the data can show.
 struct Conditions {
@@ -171,8 +173,8 @@ struct Conditions {
     /// Temperature sensors that change.
     sensors: Vec<u8>,
     time: Option<[f64; 2]>,
-    /// Times between rows, as many rows between each two.
-    between: Vec<f64>,
+    /// Times between rows, as many rows between each two, and how much time each stands for.
+    between: Vec<(f64, f64)>,
     order: bool,
 }
 
@@ -212,20 +214,22 @@ const PAUSE: f64 = 5.0;
 
 /// Times at which a step is tried: between rows, since no row can tell where in a gap it was, and
 /// in every pause, when things are moved. A gap where rows are held back is shared among them, so
-/// it is no pause, and rows that stand for the time have none.
-fn between(observations: &[&Observation]) -> Vec<f64> {
+/// it is no pause, and rows that stand for the time have none. A step may have been at any time:
+/// each place stands for the gaps that are nearest to it, as long as they are.
+fn between(observations: &[&Observation]) -> Vec<(f64, f64)> {
     let times = observations.iter().map(|o| (o.ambient.time, o.row));
     let mut times: Vec<(f64, usize)> = times.filter(|(t, _)| t.is_finite()).collect();
     times.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     times.dedup_by(|a, b| a.0.total_cmp(&b.0).is_eq());
-    let gaps: Vec<(f64, f64)> = times
+    // middle, length, length a row
+    let gaps: Vec<[f64; 3]> = times
         .windows(2)
         .map(|w| {
-            let rows = w[1].1.abs_diff(w[0].1).max(1);
-            (0.5 * (w[0].0 + w[1].0), (w[1].0 - w[0].0) / rows as f64)
+            let (length, rows) = (w[1].0 - w[0].0, w[1].1.abs_diff(w[0].1).max(1));
+            [0.5 * (w[0].0 + w[1].0), length, length / rows as f64]
         })
         .collect();
-    let mut widths: Vec<f64> = gaps.iter().map(|g| g.1).collect();
+    let mut widths: Vec<f64> = gaps.iter().map(|g| g[2]).collect();
     widths.sort_by(f64::total_cmp);
     let median = widths.get(widths.len() / 2).copied().unwrap_or(0.0);
     let count = STEPS.min(gaps.len());
@@ -233,12 +237,20 @@ fn between(observations: &[&Observation]) -> Vec<f64> {
         .map(|i| (2 * i + 1) * gaps.len() / (2 * count))
         .collect();
     let mut pauses = 0;
-    let tried = gaps.iter().enumerate().filter(|(i, (_, width))| {
+    let tried = gaps.iter().enumerate().filter(|(i, [.., width])| {
         let pause = *width > PAUSE * median && pauses < STEPS;
         pauses += usize::from(pause);
         pause || places.contains(i)
     });
-    tried.map(|(_, (middle, _))| *middle).collect()
+    let tried: Vec<usize> = tried.map(|(i, _)| i).collect();
+    let mut found: Vec<(f64, f64)> = tried.iter().map(|&i| (gaps[i][0], 0.0)).collect();
+    for (i, [_, length, _]) in gaps.iter().enumerate() {
+        let nearest = (0..tried.len()).min_by_key(|&k| tried[k].abs_diff(i));
+        if let Some(place) = nearest {
+            found[place].1 += length;
+        }
+    }
+    found
 }
 
 /// Every hypothesis that these rows allow, one entry each.
@@ -282,9 +294,9 @@ pub fn hypotheses(arm: &ArmModel, observations: &[&Observation]) -> Vec<Hypothes
     families.retain(|f| !f.is_empty());
     let kinds = families.len() as f64;
     for family in &mut families {
-        let ln_weight = -(kinds * family.len() as f64).ln();
+        let shares: f64 = family.iter().map(|h| h.ln_weight.exp()).sum();
         for hypothesis in family {
-            hypothesis.ln_weight = ln_weight;
+            hypothesis.ln_weight -= (kinds * shares).ln();
         }
     }
     families.into_iter().flatten().collect()
@@ -455,17 +467,18 @@ fn levers(arm: &ArmModel) -> Vec<Hypothesis> {
 }
 
 /// The hypothesis of these effects together, `shown` as its joint, order and other joint.
+/// `constant`: its value, and its weight among the members of the kind, which is 1 elsewhere.
 fn one(
     kind: &'static Kind,
     arm: &ArmModel,
     shown: Selector,
     selectors: &[Selector],
-    constant: Option<f64>,
+    constant: Option<(f64, f64)>,
 ) -> Option<Hypothesis> {
     let mut effects = Vec::new();
     for selector in selectors {
         let mut effect = Effect::named(kind.name, selector)?;
-        if let (Some(value), Some(first)) =
+        if let (Some((value, _)), Some(first)) =
             (constant, effect.model_mut().constants_mut().first_mut())
         {
             *first = value;
@@ -479,22 +492,26 @@ fn one(
         order: shown.order,
         from: shown.from,
         members: Members::Effects(effects),
-        ln_weight: 0.0,
+        ln_weight: constant.map_or(0.0, |(_, weight)| weight.ln()),
     })
 }
 
-/// Values that a constant which the model is not linear in is tried at.
-fn constants(kind: &Kind, conditions: &Conditions) -> Vec<Option<f64>> {
+/// Values that a constant which the model is not linear in is tried at, and the share of each.
+fn constants(kind: &Kind, conditions: &Conditions) -> Vec<Option<(f64, f64)>> {
     let Some([low, high]) = conditions.time else {
         return vec![None];
     };
     let span = high - low;
+    let shares = |values: Vec<(f64, f64)>| {
+        let sum: f64 = values.iter().map(|v| v.1).sum();
+        values
+            .into_iter()
+            .map(|(value, weight)| Some((value, weight / sum)))
+            .collect()
+    };
     match kind.name {
-        "step-change" => conditions.between.iter().map(|&t| Some(t)).collect(),
-        "warm-up" => [0.03, 0.06, 0.12, 0.25, 0.5]
-            .iter()
-            .map(|f| Some(span * f))
-            .collect(),
+        "step-change" => shares(conditions.between.clone()),
+        "warm-up" => shares(FRACTIONS.map(|f| (span * f, 1.0)).to_vec()),
         _ => vec![None],
     }
 }

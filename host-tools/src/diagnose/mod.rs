@@ -12,6 +12,7 @@ mod exchange;
 mod groups;
 pub mod hypothesis;
 pub mod input;
+mod likelier;
 pub mod model;
 mod naming;
 pub mod noise;
@@ -33,5 +34,6 @@ pub mod unseen;
 pub mod validate;
 pub mod whiteness;
 
+pub use likelier::likelier;
 pub use rivals::Rival;
 pub use run::{Answer, Diagnosis, Named, UNDECIDED, diagnose};

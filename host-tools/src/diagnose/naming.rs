@@ -3,6 +3,7 @@
 use super::exchange::Substitute;
 use super::hypothesis::Members;
 use super::model::Extended;
+use super::refine::refined;
 use super::rivals::bic;
 use super::search::{Search, is_same_name};
 use super::sensible::sensible;
@@ -38,18 +39,33 @@ impl Search<'_> {
                 // one wobble has a name in either frame: its joint's is the one that is used
                 && own.kind != "axis-wobble"
         };
+        let worth = |model: &Extended, ln_constants: f64| {
+            2.0 * (model.accepted[index].ln_weight + ln_constants) - bic(self, model)
+        };
+        // of one name the form and the constants that are worth most
+        let mut others: Vec<Substitute> = found.others.into_iter().filter(same).collect();
+        let alone = |s: &Substitute| s.score.gain + 2.0 * s.hypothesis.ln_weight;
+        others.sort_by(|a, b| alone(b).total_cmp(&alone(a)));
+        let mut seen: Vec<String> = Vec::new();
+        others.retain(|other| {
+            let label = other.hypothesis.label();
+            let new = !seen.contains(&label);
+            seen.push(label);
+            new
+        });
         let mut best: Option<(f64, Extended)> = None;
-        let worth = |model: &Extended| 2.0 * model.accepted[index].ln_weight - bic(self, model);
-        for other in found.others.into_iter().filter(same) {
+        for other in others {
             let mut accepted = model.accepted.clone();
             accepted[index] = other.hypothesis;
             let Ok(trial) = self.fit(&model.arm, accepted) else {
                 continue;
             };
-            let trial = self.pruned(trial, index);
-            let least = best.as_ref().map_or_else(|| worth(model), |b| b.0);
-            if worth(&trial) > least && sensible(&trial, index) {
-                best = Some((worth(&trial), trial));
+            let trial = refined(self, self.pruned(trial, index));
+            let own = worth(model, found.own_ln_constants);
+            let least = best.as_ref().map_or(own, |b| b.0);
+            let worth = worth(&trial, other.ln_constants);
+            if worth > least && sensible(&trial, index) {
+                best = Some((worth, trial));
             }
         }
         best.map(|b| b.1)

@@ -2,6 +2,7 @@
 
 use truepose::effects::{Effect, JointCurve, encode};
 
+use super::addition::drifts;
 use super::clock::count_rows;
 use super::control::{Control, control};
 use super::doubt::doubt;
@@ -257,7 +258,9 @@ fn rms(arm: &ArmModel, observations: &[&Observation]) -> f64 {
 }
 
 /// Takes back what makes rows of unseen blocks worse in every way to hold them back, the last
-/// addition first. Returns the errors of blocks and whether anything was taken back.
+/// addition first. Where something drifts, blocks of time have nothing to be predicted from, and
+/// those of joint space alone decide. Returns the errors of all blocks and whether anything was
+/// taken back.
 fn held(
     search: &Search<'_>,
     geometric: &ArmModel,
@@ -265,14 +268,21 @@ fn held(
 ) -> (Option<[Statistics; 2]>, bool) {
     let mut withdrawn = false;
     loop {
-        let ways = search.folds.iter();
-        let errors: Vec<_> = ways.map(|w| blocks(search, w, geometric, model)).collect();
-        let worse = |errors: &Option<[Statistics; 2]>| {
-            let known = errors.as_ref();
-            known.is_some_and(|[without, with]| with.rms >= without.rms)
-        };
-        let worse = errors.iter().all(worse);
-        let first = errors.into_iter().next().flatten();
+        let of = |folds: &[&Vec<usize>]| blocks(search, folds, geometric, model);
+        let drifts = model.accepted.iter().any(drifts);
+        let mut first = None;
+        let mut worse = true;
+        for (way, [_, in_time, in_space]) in search.folds.iter().enumerate() {
+            let all = of(&[in_time, in_space]);
+            let deciding = match drifts {
+                true => of(&[in_space]),
+                false => all.clone(),
+            };
+            worse &= deciding.is_some_and(|[without, with]| with.rms >= without.rms);
+            if way == 0 {
+                first = all;
+            }
+        }
         if !worse || model.accepted.is_empty() {
             return (first, withdrawn);
         }
@@ -290,13 +300,13 @@ fn held(
 /// order and in joint space, that each fit has not seen.
 fn blocks(
     search: &Search<'_>,
-    [_, in_time, in_space]: &[Vec<usize>; 3],
+    folds: &[&Vec<usize>],
     geometric: &ArmModel,
     model: &Extended,
 ) -> Option<[Statistics; 2]> {
     let observations = &search.observations;
     let mut distances = [Vec::new(), Vec::new()];
-    for fold in [in_time, in_space] {
+    for fold in folds {
         for f in 0..=fold.iter().copied().max()? {
             let side = |held_back: bool| -> Vec<&Observation> {
                 (0..observations.len())
