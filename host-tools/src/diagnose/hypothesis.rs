@@ -515,3 +515,37 @@ fn constants(kind: &Kind, conditions: &Conditions) -> Vec<Option<(f64, f64)>> {
         _ => vec![None],
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_place_for_a_step_stands_for_as_much_time_as_passes_there() {
+        // a row every 20 s, rows 31 and 32 held back, a pause of an hour after row 60
+        let rows = (0..100).filter(|i| !(31..=32).contains(i));
+        let all: Vec<Observation> = rows
+            .map(|i: usize| Observation {
+                row: i,
+                ambient: truepose::effects::Ambient {
+                    time: 20.0 * i as f64 + if i > 60 { 3600.0 } else { 0.0 },
+                    ..Default::default()
+                },
+                ..Observation::default()
+            })
+            .collect();
+        let places = between(&all.iter().collect::<Vec<_>>());
+        assert!(places.len() >= STEPS, "{places:?}");
+        let span: f64 = places.iter().map(|p| p.1).sum();
+        assert!((span - (99.0 * 20.0 + 3600.0)).abs() < 1e-6, "{span}");
+        let in_pause: Vec<f64> = places
+            .iter()
+            .filter(|p| p.0 > 1200.0 && p.0 < 4820.0)
+            .map(|p| p.1)
+            .collect();
+        assert_eq!(in_pause.len(), 1, "{places:?}");
+        let share = in_pause[0] / span;
+        assert!(share > 3620.0 / span && share < 0.7, "{share}");
+        assert!(places.iter().all(|p| p.1 > 0.0), "{places:?}");
+    }
+}

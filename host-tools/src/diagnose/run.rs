@@ -276,7 +276,7 @@ fn held(
             let all = of(&[in_time, in_space]);
             let deciding = match drifts {
                 true => of(&[in_space]),
-                false => all.clone(),
+                false => all,
             };
             worse &= deciding.is_some_and(|[without, with]| with.rms >= without.rms);
             if way == 0 {
