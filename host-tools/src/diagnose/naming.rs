@@ -17,7 +17,8 @@ impl Search<'_> {
     /// takes and how likely the name was before anything was measured: kinds alike, then the
     /// members of a kind. A joint that gives way comes before one of two forms in which a link may
     /// bend, a base that rocks before one of seven joints that may tilt, a gain before one of
-    /// twelve orders, a drift before one of all time constants.
+    /// twelve orders. An effect counts with all its constants: a drift does not come before a step
+    /// at whatever time there is, but before a step at one time of many.
     pub(super) fn likeliest_names(&self, model: &Extended) -> Option<Extended> {
         let mut renamed: Option<Extended> = None;
         for index in 0..model.accepted.len() {
