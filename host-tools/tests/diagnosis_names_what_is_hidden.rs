@@ -255,8 +255,8 @@ fn measured_robots_lose_half_of_what_geometry_leaves() {
     };
     for (name, limit, first) in [
         ("iiwa7", 0.30e-3, "joint-compliance"),
-        ("irb120_tracker", 0.33e-3, "early-reading"),
-        ("irb120_tracker_cmd", 0.085e-3, "joint-compliance"),
+        ("irb120_tracker", 0.30e-3, "early-reading"),
+        ("irb120_tracker_cmd", 0.075e-3, "joint-compliance"),
     ] {
         let robot = Robot::read(&folder.join(format!("{name}_robot.toml"))).unwrap();
         let file = folder.join(format!("{name}.csv"));

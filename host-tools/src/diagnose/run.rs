@@ -147,6 +147,7 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
     let mut model = all(&found.model.arm, &kept, sigmas)?;
     sigmas = estimated(&model.arm, &kept, sigmas, model.fit.unknowns.len());
     model = all(&model.arm, &kept, sigmas)?;
+    let at_first = kept.len();
     // with the effects in, gross rows show that hid behind them, and behind each other
     for _ in 0..GROSS_PASSES {
         let worst = gross(
@@ -219,10 +220,15 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
     progress("testing what is left");
     let whiteness = whiteness(&model.arm, &model.fit.unknowns, &kept, sigmas, SEED);
     let unseen = unseen(&model, &thin, &thin_verify, sigmas);
-    identified.calibration.complete = Stage {
-        arm: complete,
-        fit: model.fit,
-        sigmas,
+    // where nothing was found and no row left out, the answer is the one that was there
+    let changed = !model.accepted.is_empty() || kept.len() < at_first;
+    identified.calibration.complete = match changed {
+        true => Stage {
+            arm: complete,
+            fit: model.fit,
+            sigmas,
+        },
+        false => identified.calibration.geometric.clone(),
     };
     Ok(Diagnosis {
         identified,

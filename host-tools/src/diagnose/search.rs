@@ -15,11 +15,20 @@ use super::validate::{Blocks, dealt_out, folds};
 use crate::identify::Failure;
 use crate::identify::arm::ArmModel;
 use crate::identify::gross::levers;
-use crate::identify::observation::{Observation, Sigmas};
+use crate::identify::observation::{Kind, Observation, Sigmas};
 use crate::identify::unknown::Unknown;
 
 /// Probability of naming anything at all where there is nothing.
 pub(super) const ALPHA: f64 = 0.01;
+
+/// Times that the noise is estimated anew while it falls.
+const WEIGHED: usize = 12;
+
+/// Noise has settled where a fit leaves no less than this share of it.
+const SETTLED: f64 = 0.95;
+
+/// With the noise that was declared, a fit leaves no less than this share of it.
+const AFRESH: f64 = 0.8;
 
 /// One candidate at the step that added it, or that looked for more.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,6 +61,8 @@ pub struct Search<'a> {
     pub observations: Vec<&'a Observation>,
     /// Noise that residuals are weighted by.
     pub sigmas: Sigmas,
+    /// Noise as it was before any fit.
+    declared: Sigmas,
     /// Unknowns of geometry and placement.
     pub geometry: Vec<Unknown>,
     /// Candidates.
@@ -92,6 +103,7 @@ impl<'a> Search<'a> {
             folds,
             observations,
             sigmas,
+            declared: sigmas,
             geometry,
         }
     }
@@ -154,11 +166,48 @@ impl<'a> Search<'a> {
     }
 
     /// The model fitted anew with the noise that it leaves: costs compare only where the noise
-    /// is the same.
-    fn weighed(&mut self, model: Extended) -> Result<Extended, Failure> {
-        let fitted = model.fit.unknowns.len();
-        self.sigmas = estimated(&model.arm, &self.observations, self.sigmas, fitted);
-        self.fit(&model.arm, model.accepted)
+    /// is the same. With less noise more of the geometry can be told apart, which may leave less
+    /// again: until it stays.
+    ///
+    /// With what was declared the fit starts once more: too much noise hides directions of the
+    /// geometry, and what they leave is taken for noise.
+    fn weighed(&mut self, mut model: Extended) -> Result<Extended, Failure> {
+        let leaves = |model: &Extended, sigmas| {
+            let fitted = model.fit.unknowns.len();
+            estimated(&model.arm, &self.observations, sigmas, fitted)
+        };
+        let falls = |from: Sigmas, to: Sigmas, share: f64| {
+            Kind::ALL
+                .into_iter()
+                .any(|kind| to.of(kind) < share * from.of(kind))
+        };
+        let mut sigmas = leaves(&model, self.sigmas);
+        if falls(sigmas, self.declared, SETTLED) {
+            let (rows, accepted) = (&self.observations, model.accepted.clone());
+            let afresh =
+                Extended::fitted(&model.arm, &self.geometry, accepted, rows, self.declared);
+            if let Ok(afresh) = afresh {
+                let left = leaves(&afresh, self.declared);
+                if falls(sigmas, left, AFRESH) {
+                    (model, sigmas) = (afresh, left);
+                }
+            }
+        }
+        for _ in 0..WEIGHED {
+            self.sigmas = sigmas;
+            model = self.fit(&model.arm, model.accepted)?;
+            let left = estimated(
+                &model.arm,
+                &self.observations,
+                sigmas,
+                model.fit.unknowns.len(),
+            );
+            if !falls(sigmas, left, SETTLED) {
+                break;
+            }
+            sigmas = left;
+        }
+        Ok(model)
     }
 
     /// Candidates of the catalogue that are not yet in the model.
