@@ -37,7 +37,7 @@ pub(super) struct Smoothed {
     /// Columns of its amplitudes.
     columns: DMatrix<f64>,
     /// Logarithm of the likelihood of what was measured, over that without it.
-    worth: f64,
+    pub(super) worth: f64,
     /// Share of the squared residual that it takes.
     share: f64,
 }

@@ -6,6 +6,7 @@ use super::addition::drifts;
 use super::clock::count_rows;
 use super::control::{Control, control};
 use super::doubt::doubt;
+use super::hypothesis::Members;
 use super::model::Extended;
 use super::noise::estimated;
 use super::opponent::{Opponent, opponent};
@@ -247,10 +248,14 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
 /// smaller after it came in.
 fn exchanged(search: &Search<'_>, model: &Extended, index: usize) -> Step {
     let hypothesis = model.accepted[index].clone();
-    let ln_p = match search.substitutes(model, index, false) {
-        Ok(found) => found.own.ln_p - hypothesis.ln_weight,
-        Err(_) => 0.0,
+    let ln_p = match hypothesis.members {
+        Members::Curve(_) => search.curve_by_chance(model, index),
+        _ => search
+            .substitutes(model, index, false)
+            .ok()
+            .map(|found| found.own.ln_p - hypothesis.ln_weight),
     };
+    let ln_p = ln_p.unwrap_or(0.0);
     Step {
         hypothesis,
         ln_p,

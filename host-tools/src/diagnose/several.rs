@@ -8,6 +8,17 @@ use super::space::columns;
 use super::validate::{Blocks, HeldBack};
 
 impl Search<'_> {
+    /// Logarithm of the chance of accepted curve `index`, all curves considered, by its likelihood
+    /// over that of none.
+    pub(super) fn curve_by_chance(&self, model: &Extended, index: usize) -> Option<f64> {
+        let mut others = model.accepted.clone();
+        let curve = others.remove(index);
+        let without = self.fit(&model.arm, others).ok()?;
+        let (linear, space) = without.space(&self.observations, self.sigmas);
+        let found = self.smoothed(&without, &curve, &linear, &space)?;
+        Some((-found.worth - curve.ln_weight).min(0.0))
+    }
+
     /// The model with one curve of a joint in place of two or more functions of its reading,
     /// where it predicts rows held back at random better than they do. A curve has one name and
     /// goes to zero where nothing was measured; a list of orders goes wild there.
