@@ -6,35 +6,22 @@
     reason = "a cell that cannot be fitted in a test helper is a failed test"
 )]
 
+mod diagnosed;
 mod robots;
 
 use truepose::params::Blob;
 use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen};
 use truepose_host::deploy::{Origin, blob};
 use truepose_host::description::Robot;
-use truepose_host::diagnose::{Answer, Diagnosis, Named, diagnose};
+use truepose_host::diagnose::{Answer, Diagnosis, Named};
 use truepose_host::identify::assess::{Statistics, errors};
 use truepose_host::identify::observation::Observation;
 use truepose_host::identify::readings::identify_file;
-use truepose_host::measurement::{Dataset, Expected, Purpose, read};
+use truepose_host::measurement::{Expected, Purpose, read};
+
+use diagnosed::{diagnosed, rms};
 
 const ARMS: [Arm; 4] = [Arm::Puma560, Arm::Ur10, Arm::Irb120, Arm::Panda];
-
-fn diagnosed(robot: &Robot, data: &Dataset) -> Diagnosis {
-    let identified = identify_file(robot, data, Vec::new()).unwrap();
-    diagnose(identified, &|_| {}).unwrap()
-}
-
-/// Verify rms of geometry alone and of the complete model, m.
-fn rms(diagnosis: &Diagnosis) -> [f64; 2] {
-    let verify: Vec<&Observation> = diagnosis.identified.problem.verify.iter().collect();
-    let calibration = &diagnosis.identified.calibration;
-    [&calibration.geometric, &calibration.complete].map(|stage| {
-        Statistics::of(&errors(&stage.arm, &verify).distances)
-            .unwrap()
-            .rms
-    })
-}
 
 /// What a cell hides, its diagnosis, and the verify rms of geometry on the same rows without
 /// the effect, m. `None`: these poses cannot show it.

@@ -5,15 +5,16 @@
     reason = "a cell that cannot be fitted in a test helper is a failed test"
 )]
 
+mod diagnosed;
+
 use truepose::effects::Effect;
 use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen};
 use truepose_host::description::Robot;
+use truepose_host::diagnose::Diagnosis;
 use truepose_host::diagnose::hypothesis::Members;
-use truepose_host::diagnose::{Diagnosis, diagnose};
-use truepose_host::identify::assess::{Statistics, errors};
-use truepose_host::identify::observation::Observation;
-use truepose_host::identify::readings::identify_file;
 use truepose_host::measurement::Dataset;
+
+use diagnosed::{diagnosed, rms};
 
 /// A cell whose joints all give way, three times above the floor, and its rows.
 fn yielding(arm: Arm, payloads: Vec<f64>) -> (Robot, Dataset) {
@@ -29,22 +30,6 @@ fn yielding(arm: Arm, payloads: Vec<f64>) -> (Robot, Dataset) {
     let cell = cell.showing(gives_way, 3.0, &visits, &instrument).unwrap();
     let measured = cell.measure(&visits, &conditions, &instrument, 0);
     (cell.robot(), measured.dataset())
-}
-
-fn diagnosed(robot: &Robot, data: &Dataset) -> Diagnosis {
-    let identified = identify_file(robot, data, Vec::new()).unwrap();
-    diagnose(identified, &|_| {}).unwrap()
-}
-
-/// Verify rms of geometry alone and of the complete model, m.
-fn rms(diagnosis: &Diagnosis) -> [f64; 2] {
-    let verify: Vec<&Observation> = diagnosis.identified.problem.verify.iter().collect();
-    let calibration = &diagnosis.identified.calibration;
-    [&calibration.geometric, &calibration.complete].map(|stage| {
-        Statistics::of(&errors(&stage.arm, &verify).distances)
-            .unwrap()
-            .rms
-    })
 }
 
 /// Masses off by a third to one way and the other, centres by 30 mm.

@@ -16,7 +16,7 @@
 //! the turn by their sum is half the Lie bracket of the two, `z_j x v_k - z_k x v_j` and
 //! `z_j x z_k`, with axis z and motion v of the tool point per unit of the joint; and the error
 //! is that of a screw ([`Rest`]). If this is below the tolerances, the step is the answer. Where
-//! it is not quite, the second order itself is worked out ([`curvature`]) and, if that is too
+//! it is not quite, the second order itself is worked out ([`second_order`]) and, if that is too
 //! much, taken away by a further step `t` with the same equations (Chebyshev's method). What is
 //! beyond it is at most `r b` and `b`, `b = (s + t)³ / 6 + t (s + t)`.
 //!
@@ -26,12 +26,14 @@
 //! below `λ² / singular_value²`.
 
 mod eased;
+mod second_order;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::damped::{cross, multipliers, share};
+use self::second_order::second_order;
+use super::damped::{multipliers, share};
 use super::error::PoseError;
-use super::rigid::{Rest, add_cross, approach, square, turn_by, turn_to, turns_at};
+use super::rigid::{Rest, approach, square, turn_by, turn_to, turns_at};
 use super::{Compensator, Outcome, Request, Status, direct, lqr};
 use crate::budget::{Budget, Clock, PLAIN_ITERATIONS};
 use crate::model::Model;
@@ -527,99 +529,4 @@ fn bound<T: Scalar>(kept: [T; 2], off: [T; 2]) -> PoseError<T> {
         position: kept[0] + off[0],
         orientation: kept[1] + off[1],
     }
-}
-
-/// How far the pose is off what the equations of the step `steps` say. Where that is too much,
-/// and no price is asked, a further step takes the second order away: it is added to `q`,
-/// `steps` and `way`, the sum of all.
-#[inline(never)]
-fn second_order<T: Scalar, const N: usize>(
-    constants: &Constants<T, N>,
-    columns: &[Twist<T>; N],
-    steps: &mut [T; N],
-    q: &mut [T; N],
-    more: &mut [T; N],
-    way: &mut T,
-) -> PoseError<T> {
-    let second = curvature(columns, steps);
-    let squares = Squares::of(&second);
-    if squares.below(&constants.tolerance) {
-        return constants.beyond(&constants.tangent.of(&squares), *way);
-    }
-    // Nothing of this is prepared above.
-    core::hint::black_box(());
-    let mut off = squares.error();
-    let mut mixed = T::zero();
-    if constants.priced.is_zero()
-        && let Some(left) = straighten(columns, &second, steps, q, more, way)
-    {
-        mixed = left;
-        off = PoseError {
-            position: T::zero(),
-            orientation: T::zero(),
-        };
-    }
-    let left = constants.beyond(&off, *way);
-    PoseError {
-        position: left.position + constants.reach * mixed,
-        orientation: left.orientation + mixed,
-    }
-}
-
-/// Takes the second order of a step away by a further one, both together in `steps` and `way`
-/// then. Returns the second order that is left where they meet, in rad. `None` without the
-/// further step.
-#[inline(never)]
-fn straighten<T: Scalar>(
-    columns: &[Twist<T>],
-    second: &Twist<T>,
-    steps: &mut [T],
-    q: &mut [T],
-    more: &mut [T],
-    way: &mut T,
-) -> Option<T> {
-    direct::step(columns, &second.scaled(-T::one()), more, None, T::zero())?;
-    let mut further = T::zero();
-    for ((q, step), &more) in q.iter_mut().zip(steps).zip(&*more) {
-        *q += more;
-        *step += more;
-        further += more.abs();
-    }
-    let mixed = further * (*way + further);
-    *way += further;
-    Some(mixed)
-}
-
-/// The second order of the step `steps`: with axis z_k and motion v_k of the point per unit of
-/// joint k,
-///
-/// ```text
-/// sum over k of p_k w_k x v_k   and   1/2 sum over k of p_k w_k x z_k,
-/// w_k = p_k z_k / 2 + sum over j < k of p_j z_j
-/// ```
-///
-/// The first joint turns about z.
-#[inline(always)]
-fn curvature<T: Scalar>(columns: &[Twist<T>], steps: &[T]) -> Twist<T> {
-    let (o, half) = (T::zero(), T::of(0.5));
-    let ([first, next, columns @ ..], [p1, p2, steps @ ..]) = (columns, steps) else {
-        return Twist::zero();
-    };
-    let (v, square) = (&first.linear, *p1 * *p1 * half);
-    let halfway = next.angular * (*p2 * half);
-    let mut turned = Vector3::new(halfway.x, halfway.y, halfway.z + *p1);
-    let w = cross(&turned, &next.linear) * *p2;
-    let mut position = Vector3::new(w.x - square * v.y, w.y + square * v.x, w.z);
-    let mut orientation = Vector3::new(-(halfway.y * *p1), halfway.x * *p1, o);
-    turned += halfway;
-    // Not unrolled, as in `multipliers`.
-    let count = core::hint::black_box(columns.len());
-    for (column, &p) in columns.iter().zip(steps).take(count) {
-        let halfway = column.angular * (p * half);
-        orientation = add_cross(&orientation, &turned, &halfway);
-        turned += halfway;
-        position += cross(&turned, &column.linear) * p;
-        turned += halfway;
-    }
-    Twist::new(position, orientation)
 }

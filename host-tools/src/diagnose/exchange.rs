@@ -217,6 +217,17 @@ impl Search<'_> {
     }
 }
 
+/// Keeps the first of each name: of one with several constants the best, if that is their order.
+pub(super) fn once_each(substitutes: &mut Vec<Substitute>) {
+    let mut seen: Vec<String> = Vec::new();
+    substitutes.retain(|substitute| {
+        let label = substitute.hypothesis.label();
+        let new = !seen.contains(&label);
+        seen.push(label);
+        new
+    });
+}
+
 /// Joints that yield under gravity, one or all.
 fn is_gravity_on_joints(hypothesis: &Hypothesis) -> bool {
     hypothesis.kind == "joint-compliance"

@@ -1,6 +1,6 @@
 //! Which of several names, where they are one and the same thing in these poses.
 
-use super::exchange::Substitute;
+use super::exchange::{Substitute, once_each};
 use super::hypothesis::Members;
 use super::model::Extended;
 use super::refine::refined;
@@ -47,13 +47,7 @@ impl Search<'_> {
         let mut others: Vec<Substitute> = found.others.into_iter().filter(same).collect();
         let alone = |s: &Substitute| s.score.gain + 2.0 * s.hypothesis.ln_weight;
         others.sort_by(|a, b| alone(b).total_cmp(&alone(a)));
-        let mut seen: Vec<String> = Vec::new();
-        others.retain(|other| {
-            let label = other.hypothesis.label();
-            let new = !seen.contains(&label);
-            seen.push(label);
-            new
-        });
+        once_each(&mut others);
         let mut best: Option<(f64, Extended)> = None;
         for other in others {
             let mut accepted = model.accepted.clone();

@@ -1,7 +1,7 @@
 //! What else an effect could have been.
 
 use super::curve::{Smoothness, precision};
-use super::exchange::{RIVAL, Substitute};
+use super::exchange::{RIVAL, Substitute, once_each};
 use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
 use super::search::{Search, is_same_name};
@@ -40,13 +40,7 @@ pub(super) fn rivals(search: &Search<'_>, model: &Extended, index: usize) -> Vec
     let mut others = substitutes.others;
     others.retain(|other| !is_same_name(known, &other.hypothesis));
     // of one rival with several constants the best
-    let mut seen: Vec<String> = Vec::new();
-    others.retain(|other| {
-        let label = other.hypothesis.label();
-        let new = !seen.contains(&label);
-        seen.push(label);
-        new
-    });
+    once_each(&mut others);
     if model.arm.curves.is_empty() {
         return others
             .into_iter()
