@@ -14,7 +14,8 @@ use support::Random;
 use truepose::budget::{Budget, Counter};
 use truepose::compensate::{Compensator, Outcome, Request, Status};
 use truepose::effects::Conditions;
-use truepose::{JointKind, Method, Model, Pose, Scalar, Settings, Twist};
+use truepose::params::Blob;
+use truepose::{Joint, JointKind, Method, Model, Pose, Scalar, Settings, Twist};
 
 /// Cases for each number of joints and number type: 14 x 8000 = 112 000.
 const ARMS: usize = 160;
@@ -23,6 +24,52 @@ const _: () = assert!(14 * ARMS * REQUESTS >= 100_000);
 
 /// Cases of one method: converged, otherwise compensated, refused.
 type Seen = [[usize; 3]; Method::ALL.len()];
+
+/// A blob of an arm of `joints` turns without effects; `meeting`: of six, whose second and third
+/// axes are parallel and whose last three meet in a point, before as after calibration.
+fn rigid(random: &mut Random, joints: usize, meeting: bool) -> Blob<'static> {
+    let mut blob = blobs::blob(random, joints);
+    blob.effects.clear();
+    let Blob {
+        nominal,
+        calibrated,
+        ..
+    } = &mut blob;
+    for (j, (drawn, found)) in nominal
+        .joints
+        .iter_mut()
+        .zip(&mut calibrated.joints)
+        .enumerate()
+    {
+        let kind = JointKind::Revolute;
+        let (theta, alpha) = (random.within(3.0), 1.5 + random.within(0.6));
+        let (d, a) = (random.within(0.3), random.within(0.5));
+        *drawn = Joint::dh(kind, theta, d, a, alpha);
+        *found = *drawn;
+        found.theta += random.within(2e-3);
+        if meeting {
+            for joint in [drawn, found] {
+                if j == 1 {
+                    joint.alpha = 0.0;
+                }
+                if j == 4 {
+                    joint.d = 0.0;
+                }
+                if j == 3 || j == 4 {
+                    joint.a = 0.0;
+                }
+            }
+        } else {
+            for parameter in [&mut found.d, &mut found.a, &mut found.alpha] {
+                *parameter += random.within(1e-3);
+            }
+        }
+    }
+    for limit in &mut blob.limits {
+        *limit = [-2.5 - random.unit().abs(), 2.5 + random.unit().abs()];
+    }
+    blob
+}
 
 /// A number that is seldom sane.
 fn wild(random: &mut Random) -> f64 {
@@ -132,11 +179,17 @@ fn left<T: Scalar, const N: usize>(
     (position.hypot(orientation), 1.0 + scale * p + o)
 }
 
+/// A rigid arm of six or more joints, a plain case where it is clear of singularities, has the
+/// last half of the turns: every other one with a spherical wrist, if there are six.
 fn check<T: Scalar, const N: usize>(seed: u64) -> Seen {
     let mut random = Random(seed);
     let mut seen = Seen::default();
-    for _ in 0..ARMS {
-        let mut blob = blobs::blob(&mut random, N);
+    for arm in 0..ARMS {
+        let mut blob = match arm % 4 {
+            2 if N >= 6 => rigid(&mut random, N, false),
+            3 if N >= 6 => rigid(&mut random, N, N == 6),
+            _ => blobs::blob(&mut random, N),
+        };
         tables::teach_nonsense(&mut random, &mut blob);
         let model = blob.model::<T, N>().unwrap();
         let settings = settings(&mut random).cast::<T>();

@@ -13,6 +13,7 @@
             #name ":\n.incbin \"" file "\"\n.global " #name "_end\n" \
             #name "_end:\n.previous\n")
 BLOB(rigid, "rigid.tpb");
+BLOB(spherical, "spherical.tpb");
 BLOB(with_effects, "with_effects.tpb");
 
 /* The emulator's console and its end: semihosting. */
@@ -162,6 +163,10 @@ int main(void) {
     }
     /* A second blob that is refused leaves the first in use. */
     if (truepose_init(&arm, rigid + 1, 100) != TRUEPOSE_BLOB_NOT_ONE) {
+        leave(false);
+    }
+    run(&arm);
+    if (truepose_init(&arm, spherical, (size_t)(spherical_end - spherical)) != TRUEPOSE_OK) {
         leave(false);
     }
     run(&arm);

@@ -20,13 +20,11 @@ const APART: f64 = 0.02;
 /// Twice the error from which its bound in [`step`] is exact, m.
 const FAR: f64 = 0.01;
 
-/// The reciprocal vectors of three and that of their volume.
+/// Vectors across each two of three axes, and the reciprocal of the volume that the three span.
+/// `None` unless they are well apart.
 #[inline(always)]
-fn reciprocal<T: Scalar>(
-    a: &Vector3<T>,
-    b: &Vector3<T>,
-    c: &Vector3<T>,
-) -> Option<([Vector3<T>; 3], T)> {
+pub(super) fn across<T: Scalar>([c4, c5, c6]: [&Twist<T>; 3]) -> Option<([Vector3<T>; 3], T)> {
+    let (a, b, c) = (&c4.angular, &c5.angular, &c6.angular);
     let bc = cross(b, c);
     let volume = dot(a, &bc);
     // NaN is not apart.
@@ -34,13 +32,11 @@ fn reciprocal<T: Scalar>(
     if !apart {
         return None;
     }
-    let inverse = T::one() / volume;
-    let vectors = [bc * inverse, cross(c, a) * inverse, cross(a, b) * inverse];
-    Some((vectors, inverse))
+    Some(([bc, cross(c, a), cross(a, b)], T::one() / volume))
 }
 
 #[inline(always)]
-fn dot<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> T {
+pub(super) fn dot<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> T {
     a.x * b.x + a.y * b.y + a.z * b.z
 }
 
@@ -65,11 +61,23 @@ impl<T: Scalar> Wrist<T> {
             apart: (before * before + beyond * beyond).root(),
         }
     }
+
+    /// A bound of `|J⁻¹|²`: see [`step`]. `m`: `|M|²`; `inverse`: of the volume that the last
+    /// three axes span; `off`: square of the way from the tool point to the columns' point.
+    #[inline(always)]
+    pub(super) fn bound(&self, m: T, inverse: T, off: T) -> T {
+        let r = inverse.abs() * T::of(1.732_050_9);
+        // The point is off the tool point by the root of `off`, which the parabola
+        // `FAR / 4 + off / FAR` is never below.
+        let k = self.reach + off * T::of(1.0 / FAR) + self.apart * r;
+        let k1 = T::one() + k;
+        (T::one() + k * k1) * m + k1 * (r * r)
+    }
 }
 
 /// The steps p with `J p = e` for the J whose columns [`super::rigid::approach`] gave. `None`,
-/// and no steps, unless there are six joints whose last three axes are well apart. Not finite
-/// where J is singular; the caller's checks find it.
+/// and no steps, unless the last three axes are well apart. Not finite where J is singular; the
+/// caller's checks find it.
 ///
 /// With a `wrist`, and the square `off` of the way from the tool point to the point that the
 /// columns are about, a bound of `|J⁻¹|²`, the sum of squares of its entries, is returned, zero
@@ -81,16 +89,15 @@ impl<T: Scalar> Wrist<T> {
 /// for any `k >= |K|`, and `|R|² <= 3 / volume²`, since the axes have length one.
 #[inline(never)]
 pub(super) fn step<T: Scalar>(
-    columns: &[Twist<T>],
+    columns: &[Twist<T>; 6],
     e: &Twist<T>,
-    steps: &mut [T],
+    steps: &mut [T; 6],
     wrist: Option<&Wrist<T>>,
     off: T,
 ) -> Option<T> {
-    let ([c1, c2, c3, c4, c5, c6], [s1, s2, s3, s4, s5, s6]) = (columns, steps) else {
-        return None;
-    };
-    let ([r4, r5, r6], inverse_volume) = reciprocal(&c4.angular, &c5.angular, &c6.angular)?;
+    let [c1, c2, c3, c4, c5, c6] = columns;
+    let (normals, inverse_volume) = across([c4, c5, c6])?;
+    let [r4, r5, r6] = normals.map(|normal| normal * inverse_volume);
     let turns = |w: &Vector3<T>| Vector3::new(dot(&r4, w), dot(&r5, w), dot(&r6, w));
     let without =
         |v: &Vector3<T>, t: &Vector3<T>| v - c4.linear * t.x - c5.linear * t.y - c6.linear * t.z;
@@ -115,8 +122,7 @@ pub(super) fn step<T: Scalar>(
     let p2 = dot(&b, &n2) * inverse;
     let p3 = dot(&b, &n3) * inverse;
     let rest = t - t1 * p1 - t2 * p2 - t3 * p3;
-    (*s1, *s2, *s3) = (p1, p2, p3);
-    (*s4, *s5, *s6) = (rest.x, rest.y, rest.z);
+    *steps = [p1, p2, p3, rest.x, rest.y, rest.z];
     let Some(wrist) = wrist else {
         return Some(T::zero());
     };
@@ -132,12 +138,7 @@ pub(super) fn step<T: Scalar>(
     for row in &rows {
         m = m + row.x * row.x + row.y * row.y + row.z * row.z;
     }
-    let r = inverse_volume.abs() * T::of(1.732_050_9);
-    // The point is off the tool point by the root of `off`, which the parabola
-    // `FAR / 4 + off / FAR` is never below.
-    let k = wrist.reach + off * T::of(1.0 / FAR) + wrist.apart * r;
-    let k1 = T::one() + k;
-    Some((T::one() + k * k1) * (m * inverse * inverse) + k1 * (r * r))
+    Some(wrist.bound(m * inverse * inverse, inverse_volume, off))
 }
 
 #[cfg(test)]
@@ -190,7 +191,6 @@ mod tests {
         assert!(step(&columns, &Twist::zero(), &mut steps, None, 0.0).is_none());
         columns[5].angular.x = f64::NAN;
         assert!(step(&columns, &Twist::zero(), &mut steps, None, 0.0).is_none());
-        assert!(step(&columns[..5], &Twist::zero(), &mut steps, None, 0.0).is_none());
     }
 
     /// The example's columns with their numbers as one matrix.

@@ -24,7 +24,7 @@ pub(crate) mod step;
 mod swift;
 pub mod task_point;
 mod taught;
-pub mod wrist_jacobian;
+mod wrist_jacobian;
 
 use crate::budget::{Budget, Clock, Cost};
 use crate::effects::Conditions;

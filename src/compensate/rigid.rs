@@ -25,6 +25,8 @@ pub(super) struct Rest<T: Scalar> {
     pub(super) twist: Twist<T>,
     /// Squares of its linear and angular part.
     pub(super) squares: [T; 2],
+    /// From the last joint's origin to the target's position, m.
+    pub(super) way: Vector3<T>,
     /// Square of the distance of the rotation matrices, entry by entry: for rotations
     /// `4 (1 - cos angle)`. Zero where it was not asked for.
     pub(super) apart: T,
@@ -37,6 +39,7 @@ impl<T: Scalar> Rest<T> {
         Self {
             twist: Twist::zero(),
             squares: [far; 2],
+            way: Vector3::zeros(),
             apart: far,
         }
     }
@@ -86,6 +89,10 @@ impl<T: Scalar> Walk<T> {
     /// From here to the target; how far apart only where it is `asked`.
     #[inline(always)]
     fn to(&self, tip: &Vector3<T>, target: &Pose<T>, asked: bool) -> Rest<T> {
+        let mut rest = Rest::nowhere();
+        rest.way = self.way;
+        // What is stored before a barrier needs no registers behind it.
+        core::hint::black_box(());
         let linear = self.way - self.x * tip.x - self.y * tip.y - self.z * tip.z;
         let r = &target.rotation;
         let x = Vector3::new(r.m11, r.m21, r.m31);
@@ -102,11 +109,10 @@ impl<T: Scalar> Walk<T> {
         };
         let linear = add_cross(&linear, &sum, &(linear * T::of(0.25)));
         let angular = sum * T::of(0.5);
-        Rest {
-            squares: [square(&linear), square(&angular)],
-            twist: Twist::new(linear, angular),
-            apart,
-        }
+        rest.squares = [square(&linear), square(&angular)];
+        rest.twist = Twist::new(linear, angular);
+        rest.apart = apart;
+        rest
     }
 }
 

@@ -15,20 +15,27 @@ pub struct SphericalWrist<'m, T: Scalar> {
     chain: &'m BakedChain<T, 6>,
 }
 
+/// Whether six joints turn, the last three axes meet in a point, the second and third are
+/// parallel, and the others are not, to the tolerance `tiny` (m or rad).
+pub(super) fn fits<T: Scalar>(joints: &[BakedJoint<T>], tiny: T) -> bool {
+    let [first, second, _, fourth, fifth, _] = joints else {
+        return false;
+    };
+    let meet = |joint: &BakedJoint<T>| joint.tx.abs() < tiny && joint.ty.abs() < tiny;
+    joints.iter().all(|j| j.kind == JointKind::Revolute)
+        && meet(fourth)
+        && meet(fifth)
+        && second.sin_alpha.abs() < tiny
+        && [first, fourth, fifth]
+            .iter()
+            .all(|j| j.sin_alpha.abs() > T::of(0.1))
+}
+
 impl<'m, T: Scalar> SphericalWrist<'m, T> {
     /// `None` if the arm is not of this kind, to a hundred times rounding (of metres).
     pub fn of(chain: &'m BakedChain<T, 6>) -> Option<Self> {
-        let [first, second, _, fourth, fifth, _] = &chain.joints;
         let tiny = T::EPSILON * T::of(100.0);
-        let meet = |joint: &BakedJoint<T>| joint.tx.abs() < tiny && joint.ty.abs() < tiny;
-        let fits = chain.joints.iter().all(|j| j.kind == JointKind::Revolute)
-            && meet(fourth)
-            && meet(fifth)
-            && second.sin_alpha.abs() < tiny
-            && [first, fourth, fifth]
-                .iter()
-                .all(|j| j.sin_alpha.abs() > T::of(0.1));
-        fits.then_some(Self { chain })
+        fits(&chain.joints, tiny).then_some(Self { chain })
     }
 
     /// The joints (rad) that put the tool nominally at `pose` in the world, of up to eight

@@ -20,13 +20,16 @@
 //! much, taken away by a further step `t` with the same equations (Chebyshev's method). What is
 //! beyond it is at most `r b` and `b`, `b = (s + t)³ / 6 + t (s + t)`.
 //!
-//! Damping is there for where the arm comes near a singularity. Steps go without it
-//! ([`direct`]); the first, which decides whether the case is plain, where a bound of the inverse
+//! Damping is there for where the arm comes near a singularity. Steps go without it, in closed
+//! form where the calibrated arm still has a spherical wrist ([`wrist_jacobian`]), by blocks of
+//! three elsewhere ([`direct`]); the first, which decides whether the case is plain, where a bound of the inverse
 //! Jacobian says that it would change next to nothing: a share of at most `λ² |J⁻¹|²`, which is
 //! below `λ² / singular_value²`.
 
 mod eased;
 mod second_order;
+#[cfg(test)]
+mod tests;
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -34,7 +37,7 @@ use self::second_order::second_order;
 use super::damped::{multipliers, share};
 use super::error::PoseError;
 use super::rigid::{Rest, approach, square, turn_by, turn_to, turns_at};
-use super::{Compensator, Outcome, Request, Status, direct, lqr};
+use super::{Compensator, Outcome, Request, Status, direct, lqr, spherical_wrist, wrist_jacobian};
 use crate::budget::{Budget, Clock, PLAIN_ITERATIONS};
 use crate::model::Model;
 use crate::{JointKind, Method, Pose, Scalar, Settings, Twist};
@@ -54,6 +57,8 @@ pub(super) struct Constants<T: Scalar, const N: usize> {
     reach: T,
     /// and twice that.
     twice_reach: T,
+    /// Whether [`wrist_jacobian`] solves the undamped equations, not [`direct`].
+    spherical: bool,
     wrist: direct::Wrist<T>,
     /// Times a sixteenth of the weighted square of an error: at least half the product of its
     /// parts, which its pose about a point halfway is off that of the tool point.
@@ -148,6 +153,8 @@ impl<T: Scalar, const N: usize> Constants<T, N> {
             singular: settings.singular_value * settings.singular_value,
             reach,
             twice_reach: reach + reach,
+            // What that is off by moves a point by less than an evaluation is rounded by.
+            spherical: spherical_wrist::fits(&chain.joints, T::EPSILON * T::of(16.0)),
             wrist: direct::Wrist::of(tool + before, across, before),
             screw: T::of(4.0) / (p * o),
             tolerance: Squares::of_error(&tolerance),
@@ -173,6 +180,28 @@ impl<T: Scalar, const N: usize> Constants<T, N> {
         true
     }
 
+    /// The undamped step of six joints, with a bound of `|J⁻¹|²` at the `first`.
+    /// `way`: from the last joint's origin to the columns' point, m; `off`: square of the way
+    /// from the tool point to it.
+    #[inline(always)]
+    fn undamped(
+        &self,
+        columns: &[Twist<T>; N],
+        way: &Vector3<T>,
+        error: &Twist<T>,
+        steps: &mut [T; N],
+        first: bool,
+        off: T,
+    ) -> Option<T> {
+        let columns = columns.as_slice().try_into().ok()?;
+        let steps = steps.as_mut_slice().try_into().ok()?;
+        let wrist = first.then_some(&self.wrist);
+        match self.spherical {
+            true => wrist_jacobian::step(columns, way, error, steps, wrist, off),
+            false => direct::step(columns, error, steps, wrist, off),
+        }
+    }
+
     /// Adds to `off` what is beyond the second order of a step of the length `way`.
     #[inline(always)]
     fn beyond(&self, off: &PoseError<T>, way: T) -> PoseError<T> {
@@ -183,12 +212,12 @@ impl<T: Scalar, const N: usize> Constants<T, N> {
         }
     }
 
-    /// Whether the ways from `start` to `q` are inside the travel.
+    /// Whether `start` and all that is as near to it as `way` are inside the travel.
     #[inline(always)]
-    fn inside(&self, q: &[T; N], start: &[T; N]) -> bool {
-        for ((&q, &start), &[middle, half]) in q.iter().zip(start).zip(&self.travel) {
-            // Both ends are inside then; NaN is outside.
-            let inside = (q - middle).abs() + (q - start).abs() < half;
+    fn inside(&self, start: &[T; N], way: T) -> bool {
+        for (&start, &[middle, half]) in start.iter().zip(&self.travel) {
+            // NaN is outside.
+            let inside = (start - middle).abs() < half - way;
             if !inside {
                 return false;
             }
@@ -400,9 +429,8 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             iterations += 1;
             let last = iterations >= settings.max_iterations;
             let mut kept = [T::zero(); 2];
-            let wrist = first.then_some(&constants.wrist);
             let trace = match regulated {
-                false => direct::step(columns, error, steps, wrist, position),
+                false => constants.undamped(columns, &rest.way, error, steps, first, position),
                 true => None,
             };
             // Clear of singularities, where damping would change next to nothing.
@@ -453,7 +481,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
                 let mut reached = squares.below(&constants.tolerance);
                 let enough = if last { pace(&squares) } else { reached };
                 if !enough {
-                    left = second_order(constants, columns, steps, q, more, &mut way);
+                    left = second_order(constants, columns, &rest.way, steps, q, more, &mut way);
                     let screw = before * constants.screw;
                     left = bound(kept, [left.position + screw, left.orientation]);
                     squares = Squares::of_error(&left);
@@ -479,7 +507,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
         let near = travelled < settings.correction_bound[0];
         // From where the margins are clear no joint comes to its end by less than they are wide.
         let short = constants.regulator && travelled < constants.margin;
-        if !near || !(short || constants.inside(q, &request.q)) {
+        if !near || !(short || constants.inside(&request.q, travelled)) {
             return None;
         }
         self.state.asked = request.q;

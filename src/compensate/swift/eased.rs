@@ -4,7 +4,7 @@
 use super::super::descent::weighted;
 use super::super::rigid::{approach, turn_to};
 use super::super::step::damped_step;
-use super::super::{Compensator, Request, Status, direct, lqr};
+use super::super::{Compensator, Request, Status, lqr};
 use super::{Plain, Squares, Work, bound, without};
 use crate::{Pose, Scalar};
 
@@ -45,8 +45,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             return None;
         }
         let merit = initial.weighted(constants.weights);
-        let wrist = Some(&constants.wrist);
-        let inverse = direct::step(columns, &rest.twist, steps, wrist, position)?;
+        let inverse = constants.undamped(columns, &rest.way, &rest.twist, steps, true, position)?;
         // No price for being near a singularity either; NaN is not clear.
         let clear = inverse * (constants.singular + merit) <= T::one();
         if !clear {
@@ -88,7 +87,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
         // NaN is none of these.
         let better = squares.weighted(constants.weights) <= merit;
         let near = way > constants.perceptible && way < settings.correction_bound[0];
-        if !better || !near || !constants.inside(q, &request.q) {
+        if !better || !near || !constants.inside(&request.q, way) {
             return None;
         }
         self.state.asked = request.q;

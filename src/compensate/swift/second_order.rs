@@ -4,7 +4,6 @@
 use nalgebra::Vector3;
 
 use super::super::damped::cross;
-use super::super::direct;
 use super::super::error::PoseError;
 use super::super::rigid::add_cross;
 use super::{Constants, Squares};
@@ -17,6 +16,7 @@ use crate::{Scalar, Twist};
 pub(super) fn second_order<T: Scalar, const N: usize>(
     constants: &Constants<T, N>,
     columns: &[Twist<T>; N],
+    to_point: &Vector3<T>,
     steps: &mut [T; N],
     q: &mut [T; N],
     more: &mut [T; N],
@@ -32,7 +32,7 @@ pub(super) fn second_order<T: Scalar, const N: usize>(
     let mut off = squares.error();
     let mut mixed = T::zero();
     if constants.priced.is_zero()
-        && let Some(left) = straighten(columns, &second, steps, q, more, way)
+        && let Some(left) = straighten(constants, columns, to_point, &second, steps, q, more, way)
     {
         mixed = left;
         off = PoseError {
@@ -51,17 +51,21 @@ pub(super) fn second_order<T: Scalar, const N: usize>(
 /// then. Returns the second order that is left where they meet, in rad. `None` without the
 /// further step.
 #[inline(never)]
-fn straighten<T: Scalar>(
-    columns: &[Twist<T>],
+#[expect(clippy::too_many_arguments, reason = "the places of one step")]
+fn straighten<T: Scalar, const N: usize>(
+    constants: &Constants<T, N>,
+    columns: &[Twist<T>; N],
+    to_point: &Vector3<T>,
     second: &Twist<T>,
-    steps: &mut [T],
-    q: &mut [T],
-    more: &mut [T],
+    steps: &mut [T; N],
+    q: &mut [T; N],
+    more: &mut [T; N],
     way: &mut T,
 ) -> Option<T> {
-    direct::step(columns, &second.scaled(-T::one()), more, None, T::zero())?;
+    let back = second.scaled(-T::one());
+    constants.undamped(columns, to_point, &back, more, false, T::zero())?;
     let mut further = T::zero();
-    for ((q, step), &more) in q.iter_mut().zip(steps).zip(&*more) {
+    for ((q, step), &more) in q.iter_mut().zip(steps.iter_mut()).zip(more.iter()) {
         *q += more;
         *step += more;
         further += more.abs();

@@ -71,6 +71,21 @@ pub fn built() -> Arm {
     arm
 }
 
+/// As built, if only joint offsets and the tool were off: a spherical wrist still, its second and
+/// third axes `skew` (rad) from parallel.
+pub fn offset(skew: f64) -> Arm {
+    let built = built();
+    let mut arm = nominal();
+    for (joint, built) in arm.joints.iter_mut().zip(&built.joints) {
+        joint.theta = built.theta;
+    }
+    arm.joints[1].alpha += skew;
+    Arm {
+        tool: built.tool,
+        ..arm
+    }
+}
+
 /// In the form that the loop computes with.
 pub fn baked(arm: &Arm) -> BakedChain<f64, JOINTS> {
     let mut joints = [BakedJoint::identity(); JOINTS];

@@ -10,7 +10,7 @@ use truepose::{Model, params};
 
 use crate::arm::{JOINTS, TRAVEL};
 use crate::draws::Draws;
-use crate::parameters::{RIGID, WITH_EFFECTS};
+use crate::parameters::{RIGID, SPHERICAL, WITH_EFFECTS};
 
 /// Requests a blob that are answered each as the first one.
 pub const SCATTERED: usize = 2000;
@@ -19,7 +19,7 @@ pub const SCATTERED: usize = 2000;
 pub const ALONG_A_PATH: usize = 100;
 
 /// The blobs, in the order of the answers.
-pub const BLOBS: [&[u8]; 2] = [RIGID, WITH_EFFECTS];
+pub const BLOBS: [&[u8]; 3] = [RIGID, SPHERICAL, WITH_EFFECTS];
 
 /// Request number `index` of the scattered ones: every other one names the pose to reach, the
 /// others leave it to the nominal joints.

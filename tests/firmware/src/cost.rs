@@ -18,11 +18,11 @@ use truepose::effects::{
 };
 use truepose::jacobian::joint_column;
 use truepose::link::Stage;
-use truepose::{Frame, Method, Model, PreparedJoint, Room, Settings, Twist, forward, params};
+use truepose::{Frame, Method, Model, PreparedJoint, Room, Settings, forward, params};
 
-use crate::arm::{JOINTS, TRAVEL};
+use crate::arm::{JOINTS, TRAVEL, baked, offset};
 use crate::draws::Draws;
-use crate::parameters::{RIGID, WITH_EFFECTS};
+use crate::parameters::{RIGID, SPHERICAL, WITH_EFFECTS};
 use crate::transfer::Desk;
 
 /// Calls of each function.
@@ -33,16 +33,13 @@ const POSES: usize = 1000;
 
 /// What is counted: each function's whole call, arguments already in place.
 pub mod measured {
-    use nalgebra::Vector3;
     use truepose::budget::{Budget, NoClock};
-    use truepose::compensate::{Compensator, Outcome, Request, lqr, wrist_jacobian};
+    use truepose::compensate::{Compensator, Outcome, Request};
     use truepose::effects::Conditions;
-    use truepose::jacobian::joint_column;
     use truepose::link::Event;
     use truepose::params::BlobError;
     use truepose::{
-        BakedChain, Frame, Model, Pose, Prepared, PreparedJoint, Room, Scalar, Twist, forward,
-        params,
+        BakedChain, Frame, Model, Pose, Prepared, PreparedJoint, Room, Scalar, forward, params,
     };
 
     use crate::arm::JOINTS;
@@ -139,30 +136,22 @@ pub mod measured {
         compensator.correct(&Request::joints(*q), &mut Budget::unlimited())
     }
 
-    /// A joint step that takes a tool displacement away, in closed form for a nominal arm with
-    /// a spherical wrist.
+    /// A pose of an arm whose wrist's axes meet. Again another budget.
     #[inline(never)]
-    pub fn wrist_step(
-        frames: &[Frame<f32>; JOINTS],
-        tool: &Vector3<f32>,
-        twist: &Twist<f32>,
-    ) -> Option<[f32; JOINTS]> {
-        wrist_jacobian::step(frames, tool, twist)
+    pub fn pose_of_spherical_wrist(
+        compensator: &mut Compensator<'_, f32, JOINTS>,
+        request: &Request<f32, JOINTS>,
+    ) -> Outcome<f32, JOINTS> {
+        compensator.correct(request, &mut Budget::cycles(&NoClock, 1 << 27))
     }
 
-    /// The same of any arm: all columns, and the damped solution.
+    /// And of one that just is none. Again another budget.
     #[inline(never)]
-    pub fn general_step(
-        chain: &BakedChain<f32, JOINTS>,
-        frames: &[Frame<f32>; JOINTS],
-        tool: &Vector3<f32>,
-        twist: &Twist<f32>,
-    ) -> [f32; JOINTS] {
-        let mut columns = [[0.0; 6]; JOINTS];
-        for ((column, joint), frame) in columns.iter_mut().zip(&chain.joints).zip(frames) {
-            *column = joint_column(joint.kind, frame, tool).rows();
-        }
-        lqr::corrections(&columns, &twist.rows(), &[0.0; JOINTS])
+    pub fn pose_of_other_wrist(
+        compensator: &mut Compensator<'_, f32, JOINTS>,
+        request: &Request<f32, JOINTS>,
+    ) -> Outcome<f32, JOINTS> {
+        compensator.correct(request, &mut Budget::cycles(&NoClock, 1 << 26))
     }
 
     /// The blob of a rigid arm, from bytes to the baked model.
@@ -233,14 +222,6 @@ fn link(out: &mut dyn Write) -> fmt::Result {
 }
 
 fn kinematics(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Result {
-    writeln!(
-        out,
-        "wrist_step: a joint step in closed form, nominal frames of a spherical wrist given (MRD 5.45)"
-    )?;
-    writeln!(
-        out,
-        "general_step: the same of any arm: all columns and their damped solution"
-    )?;
     let mut draws = Draws::seeded(2);
     writeln!(out, "sine_and_cosine: of one angle, both")?;
     for _ in 0..CALLS {
@@ -261,20 +242,6 @@ fn kinematics(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Resul
             &mut frames,
         ));
         black_box(&frames);
-        let nominal = &model.nominal;
-        let tool = forward(&nominal.base, &nominal.joints, &q, &mut frames).then(&nominal.tool);
-        let off = Twist::new([1e-3, -2e-3, 1e-3].into(), [1e-3, 2e-3, -1e-3].into());
-        black_box(&measured::wrist_step(
-            black_box(&frames),
-            black_box(&tool.translation),
-            black_box(&off),
-        ));
-        black_box(&measured::general_step(
-            black_box(nominal),
-            black_box(&frames),
-            black_box(&tool.translation),
-            black_box(&off),
-        ));
     }
     Ok(())
 }
@@ -308,6 +275,14 @@ fn compensation(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Res
         out,
         "pose_with_effects: a pose given, the model with six effects: a gain, two harmonics, three compliances"
     )?;
+    writeln!(
+        out,
+        "pose_of_spherical_wrist: a pose given, calibrated are joint offsets and tool alone: closed-form steps (MRD 5.45)"
+    )?;
+    writeln!(
+        out,
+        "pose_of_other_wrist: the same, axes 2 and 3 off parallel by 10 urad: the steps of any arm"
+    )?;
     let with_effects = params::decode::<f32, JOINTS>(WITH_EFFECTS).map_err(|_| fmt::Error)?;
     let mut draws = Draws::seeded(4);
     let mut bent = Compensator::new(&with_effects);
@@ -325,6 +300,13 @@ fn compensation(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Res
         max_iterations: 2,
         ..model.settings
     });
+    let spherical = params::decode::<f32, JOINTS>(SPHERICAL).map_err(|_| fmt::Error)?;
+    let skew = Model {
+        calibrated: baked(&offset(1e-5)).cast(),
+        ..spherical.clone()
+    };
+    let mut wrist = Compensator::new(&spherical);
+    let mut other = Compensator::new(&skew);
     let mut calls = 0;
     while calls < POSES {
         let q = joints(&mut draws);
@@ -351,6 +333,16 @@ fn compensation(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Res
         regulator.reset();
         black_box(&measured::regulated_pose(
             black_box(&mut regulator),
+            black_box(&request),
+        ));
+        wrist.reset();
+        black_box(&measured::pose_of_spherical_wrist(
+            black_box(&mut wrist),
+            black_box(&request),
+        ));
+        other.reset();
+        black_box(&measured::pose_of_other_wrist(
+            black_box(&mut other),
             black_box(&request),
         ));
         bent.reset();

@@ -14,7 +14,10 @@ use crate::arm::{self, Arm, JOINTS, TRAVEL};
 /// The arm as built, geometry alone.
 pub const RIGID: &[u8] = include_bytes!("../rigid.tpb");
 
-/// The same with [`effects`].
+/// The arm whose wrist's axes still meet, geometry alone.
+pub const SPHERICAL: &[u8] = include_bytes!("../spherical.tpb");
+
+/// The arm as built with [`effects`].
 pub const WITH_EFFECTS: &[u8] = include_bytes!("../with_effects.tpb");
 
 /// Room for either blob, in bytes.
@@ -76,15 +79,16 @@ fn description(arm: &Arm) -> Description {
     }
 }
 
-/// Writes the blob of the arm as built, with the effects given.
+/// Writes the blob of an arm that was calibrated as `arm`, with the effects given.
 pub fn encode<'b>(
+    arm: &Arm,
     effects: &[Effect<'static, f64>],
     buffer: &'b mut [u8],
 ) -> Result<&'b [u8], BlobError> {
     Blob {
         robot: "PUMA 560".try_into().unwrap_or_default(),
         nominal: description(&arm::nominal()),
-        calibrated: description(&arm::built()),
+        calibrated: description(arm),
         limits: TRAVEL
             .into_iter()
             .map(|travel| [-f64::from(travel) - 0.1, f64::from(travel) + 0.1])
