@@ -1,32 +1,35 @@
-//! Columns of all unknowns of a rigid arm at once.
+//! Columns of all unknowns whose twists are constant in some frame, at once.
 //!
-//! Each is a constant twist in one frame of the pass, so the lever from the frame to the tool
-//! point, seen in the frame, serves all of them: one cross product and one rotation a column.
+//! The lever from the frame to the tool point, seen in the frame, serves all that are attached
+//! to it: one cross product and one rotation a column.
 
 use nalgebra::{Matrix3, Vector3};
 use truepose::jacobian::{AttachedTwist, Attachment};
 use truepose::{Frame, Pose, Twist};
 
-/// Frames that twists are attached to: the baked base, the joints, the described base.
-struct Slot {
-    rotation: Matrix3<f64>,
-    /// Frame's origin to tool point, in the frame.
-    lever: Vector3<f64>,
+/// A frame that twists are attached to.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Place {
+    BakedBase,
+    /// World axes at the origin of the described base.
+    DescribedBase,
+    Joint(usize),
 }
 
-/// A twist of an unknown, times the unknown's scale.
+/// A twist of an unknown in a frame, times the unknown's scale.
 struct Part {
     column: usize,
-    slot: usize,
     linear: Vector3<f64>,
-    angular: Vector3<f64>,
+    /// `None` where all of it is zero.
+    angular: Option<Vector3<f64>>,
 }
 
-/// What is known of the unknowns before any observation.
+/// What is known of the unknowns before any observation, frame by frame.
 #[derive(Default)]
 pub(super) struct Attached {
-    parts: Vec<Part>,
-    slots: Vec<Slot>,
+    parts: Vec<(Place, Vec<Part>)>,
+    /// Of unknowns that have a twist in two frames.
+    second: Vec<(Place, Vec<Part>)>,
 }
 
 /// Where an arm is at one observation.
@@ -37,70 +40,103 @@ pub(super) struct At<'a> {
     pub(super) tool: &'a Vector3<f64>,
 }
 
+fn add(
+    parts: &mut Vec<(Place, Vec<Part>)>,
+    place: Place,
+    column: usize,
+    twist: &Twist<f64>,
+    scale: f64,
+) {
+    let turns = twist.angular != Vector3::zeros();
+    let part = Part {
+        column,
+        linear: twist.linear * scale,
+        angular: turns.then_some(twist.angular * scale),
+    };
+    match parts.iter_mut().find(|(at, _)| *at == place) {
+        Some((_, there)) => there.push(part),
+        None => parts.push((place, vec![part])),
+    }
+}
+
 impl Attached {
-    /// Takes a twist in, of unknown `column`; of one column in succession.
-    pub(super) fn push(&mut self, column: usize, twist: &AttachedTwist<f64>, scale: f64) {
-        let slot = match twist.at {
-            Attachment::Base => 0,
-            Attachment::Joint(j) => 2 + j,
-        };
-        self.part(column, slot, &twist.twist, scale);
+    /// Takes the twists of unknown `column` in, one or two.
+    pub(super) fn push(
+        &mut self,
+        column: usize,
+        twists: &[Option<AttachedTwist<f64>>; 2],
+        scale: f64,
+    ) {
+        let lists = [&mut self.parts, &mut self.second];
+        for (twist, list) in twists.iter().flatten().zip(lists) {
+            let place = match twist.at {
+                Attachment::Base => Place::BakedBase,
+                Attachment::Joint(j) => Place::Joint(j),
+            };
+            add(list, place, column, &twist.twist, scale);
+        }
     }
 
     /// The same for a twist in world axes at the origin of the described base.
     pub(super) fn push_base(&mut self, column: usize, twist: &Twist<f64>, scale: f64) {
-        self.part(column, 1, twist, scale);
-    }
-
-    fn part(&mut self, column: usize, slot: usize, twist: &Twist<f64>, scale: f64) {
-        self.parts.push(Part {
+        add(
+            &mut self.parts,
+            Place::DescribedBase,
             column,
-            slot,
-            linear: twist.linear * scale,
-            angular: twist.angular * scale,
-        });
+            twist,
+            scale,
+        );
     }
 
     /// Displacement of the tool per scaled unit of every unknown taken in, world axes at the
     /// tool point; their turns only where `turns`, zero otherwise.
-    pub(super) fn twists(
-        &mut self,
+    #[inline]
+    pub(super) fn twists(&self, at: &At<'_>, turns: bool, each: impl FnMut(usize, &Twist<f64>)) {
+        carried(&self.parts, at, turns, each);
+    }
+
+    /// What is to be added to that, of unknowns that have a twist in two frames.
+    pub(super) fn second_twists(
+        &self,
         at: &At<'_>,
         turns: bool,
-        mut each: impl FnMut(usize, Twist<f64>),
+        each: impl FnMut(usize, &Twist<f64>),
     ) {
-        self.slots.clear();
-        let slot = |rotation: &Matrix3<f64>, origin: &Vector3<f64>| Slot {
-            rotation: *rotation,
-            lever: rotation.tr_mul(&(at.tool - origin)),
+        carried(&self.second, at, turns, each);
+    }
+}
+
+#[inline]
+fn carried(
+    parts: &[(Place, Vec<Part>)],
+    at: &At<'_>,
+    turns: bool,
+    mut each: impl FnMut(usize, &Twist<f64>),
+) {
+    let upright = Matrix3::identity();
+    for (place, parts) in parts {
+        let (rotation, origin) = match *place {
+            Place::BakedBase => (&at.baked_base.rotation, &at.baked_base.translation),
+            Place::DescribedBase => (&upright, at.base),
+            Place::Joint(j) => match at.frames.get(j) {
+                Some(frame) => (&frame.rotation, &frame.origin),
+                None => continue,
+            },
         };
-        let base = slot(&at.baked_base.rotation, &at.baked_base.translation);
-        self.slots.push(base);
-        self.slots.push(slot(&Matrix3::identity(), at.base));
-        let frames = at.frames.iter().map(|f| slot(&f.rotation, &f.origin));
-        self.slots.extend(frames);
-        let mut sum: Option<(usize, Twist<f64>)> = None;
-        for part in &self.parts {
-            let Some(slot) = self.slots.get(part.slot) else {
-                continue;
-            };
-            let linear = slot.rotation * (part.linear + part.angular.cross(&slot.lever));
-            let angular = match turns {
-                true => slot.rotation * part.angular,
-                false => Vector3::zeros(),
-            };
-            let mut twist = Twist::new(linear, angular);
-            if let Some((column, before)) = sum.take() {
-                if column == part.column {
-                    twist = twist.plus(&before);
-                } else {
-                    each(column, before);
+        let lever = rotation.tr_mul(&(at.tool - origin));
+        for part in parts {
+            let twist = match &part.angular {
+                None => Twist::new(rotation * part.linear, Vector3::zeros()),
+                Some(angular) => {
+                    let linear = rotation * (part.linear + angular.cross(&lever));
+                    let angular = match turns {
+                        true => rotation * angular,
+                        false => Vector3::zeros(),
+                    };
+                    Twist::new(linear, angular)
                 }
-            }
-            sum = Some((part.column, twist));
-        }
-        if let Some((column, twist)) = sum {
-            each(column, twist);
+            };
+            each(part.column, &twist);
         }
     }
 }

@@ -1,9 +1,11 @@
 //! The forward model at one measured row: its residual, and what moves it.
 
+use std::ops::Range;
+
 use nalgebra::{Matrix3, Vector3};
 use truepose::effects::{Ambient, Effect, Reading, Stage};
 use truepose::jacobian::{AttachedTwist, reading_column};
-use truepose::{Frame, Pose, PreparedJoint, Scratch, Twist};
+use truepose::{Frame, Pose, PreparedJoint, Scratch, Twist, forward};
 
 use super::arm::ArmModel;
 use super::attached::{At, Attached};
@@ -114,6 +116,12 @@ impl<'a> Evaluator<'a> {
         ambient: &Ambient<f64>,
     ) -> Pose<f64> {
         let view = self.arm.view(session);
+        if view.effects.is_empty() {
+            let flange = forward(view.base, view.joints, q, &mut self.frames);
+            self.rigid = flange.then(view.tool);
+            self.pose = self.rigid;
+            return self.pose;
+        }
         let prediction = view
             .prepare(direction, ambient, &mut self.prepared)
             .predict(
@@ -126,10 +134,7 @@ impl<'a> Evaluator<'a> {
                 },
             );
         self.rigid = prediction.rigid;
-        self.pose = match self.arm.effects.is_empty() {
-            true => prediction.rigid,
-            false => prediction.pose(),
-        };
+        self.pose = prediction.pose();
         self.pose
     }
 
@@ -241,6 +246,7 @@ impl<'a> Evaluator<'a> {
     /// What a displacement of the tool (world axes at the tool point) does to the prediction
     /// of an observation, over sigma, into `out`. The other posture of a distance stays:
     /// [`Posture::spread`] does both.
+    #[inline]
     pub fn spread(&self, o: &Observation, twist: &Twist<f64>, out: &mut [f64]) {
         let s = &self.sigmas;
         let mut rest = out;
@@ -257,15 +263,29 @@ impl<'a> Evaluator<'a> {
         if o.rotation.is_some() {
             push(&twist.angular, s.orientation);
         }
+        if !rest.is_empty() {
+            self.spread_further(o, twist, rest);
+        }
+    }
+
+    /// The same for what is measured beside position and orientation.
+    #[inline(never)]
+    fn spread_further(&self, o: &Observation, twist: &Twist<f64>, mut rest: &mut [f64]) {
         for (measured, offset) in o.targets.iter().zip(&self.arm.targets) {
             if measured.is_some() {
-                push(&twist.at(&(self.pose.rotation * offset)).linear, s.position);
+                let moved = twist.at(&(self.pose.rotation * offset)).linear;
+                let scale = o.weight / self.sigmas.position;
+                if let Some((three, after)) = std::mem::take(&mut rest).split_first_chunk_mut() {
+                    *three = (moved * scale).into();
+                    rest = after;
+                }
             }
         }
         if o.length.is_some() {
             let d = self.pose.translation - self.arm.anchor;
             if let Some((out, after)) = std::mem::take(&mut rest).split_first_mut() {
-                *out = d.dot(&twist.linear) * o.weight / (d.norm().max(1e-9) * s.length);
+                let sigma = self.sigmas.length;
+                *out = d.dot(&twist.linear) * o.weight / (d.norm().max(1e-9) * sigma);
                 rest = after;
             }
         }
@@ -402,12 +422,15 @@ impl<'a> Evaluator<'a> {
         }
     }
 
-    /// Displacements of the tool by all unknowns that `attached` took in; for a rigid arm.
+    /// Columns of all unknowns that `attached` took in, at the observation last moved to.
+    /// `place`: where in `columns` one of them is.
+    #[inline]
     pub(super) fn attached(
         &self,
         o: &Observation,
-        attached: &mut Attached,
-        each: impl FnMut(usize, Twist<f64>),
+        attached: &Attached,
+        columns: &mut [f64],
+        place: impl Fn(usize) -> Range<usize>,
     ) {
         let last = self.arm.bases.len() - 1;
         let at = At {
@@ -418,7 +441,17 @@ impl<'a> Evaluator<'a> {
         };
         // points that the tool carries beside its own, and orientations, follow its turns
         let turns = o.rotation.is_some() || !o.targets.is_empty();
-        attached.twists(&at, turns, each);
+        attached.twists(&at, turns, |k, twist| {
+            self.spread(o, twist, &mut columns[place(k)]);
+        });
+        attached.second_twists(&at, turns, |k, twist| {
+            let column = &mut columns[place(k)];
+            let mut more = vec![0.0; column.len()];
+            self.spread(o, twist, &mut more);
+            for (x, y) in column.iter_mut().zip(&more) {
+                *x += y;
+            }
+        });
     }
 
     /// Displacement of the tool per unit of an unknown that moves it, at the observation last

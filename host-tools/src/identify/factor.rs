@@ -134,22 +134,28 @@ fn lower_inverse(lower: DMatrix<f64>) -> Option<DMatrix<f64>> {
     Some(inverse)
 }
 
-/// Columns of a block of [`gram`]: matrix products below this size are not worth their start.
-const PANEL: usize = 12;
+/// Columns of a block of [`gram`]: what the kernel of a matrix product takes at once.
+const PANEL: usize = 8;
+
+/// Products that are not wider than this run without that kernel.
+const NARROW: usize = 5;
 
 /// JᵀJ: products of panels of columns with those up to them, the rest by symmetry.
 pub(super) fn gram(jacobian: &DMatrix<f64>) -> DMatrix<f64> {
     let n = jacobian.ncols();
     let transposed = jacobian.transpose();
     let mut gram = DMatrix::zeros(n, n);
-    for from in (0..n).step_by(PANEL) {
-        let width = PANEL.min(n - from);
-        let (left, right) = (
-            transposed.rows(from, width),
-            jacobian.columns(0, from + width),
-        );
+    let mut from = 0;
+    while from < n {
+        let width = match n - from {
+            left if left <= PANEL + NARROW => left,
+            _ => PANEL,
+        };
+        let left = transposed.rows(from, width);
+        let right = jacobian.columns(0, from + width);
         gram.view_mut((from, 0), (width, from + width))
             .gemm(1.0, &left, &right, 0.0);
+        from += width;
     }
     gram.fill_upper_triangle_with_lower_triangle();
     gram
@@ -175,8 +181,8 @@ pub struct Selection {
 }
 
 /// Goes through the columns in order; a column whose part orthogonal to those kept so far is
-/// shorter than `visible`, or than `relative` times itself, is dropped. Gram-Schmidt with
-/// reorthogonalisation, so orthogonal to rounding.
+/// shorter than `visible`, or than `relative` times itself, is dropped. Householder's
+/// reflections, so orthogonal to rounding.
 pub fn select(jacobian: &DMatrix<f64>, visible: f64, relative: f64) -> Selection {
     select_in_turns(jacobian, visible, &[relative])
 }
@@ -187,25 +193,25 @@ pub fn select_in_turns(jacobian: &DMatrix<f64>, visible: f64, relative: &[f64]) 
     let mut basis = Basis::default();
     let mut selection = Selection::default();
     let last = relative.last().copied().unwrap_or(0.0);
-    let mut asked: Vec<usize> = (0..jacobian.ncols()).collect();
+    let (m, n) = jacobian.shape();
+    let column = |k: usize| Reflected::new(&jacobian.as_slice()[k * m..(k + 1) * m]);
+    let mut asked: Vec<(usize, Reflected)> = (0..n).map(|k| (k, column(k))).collect();
     for &relative in relative {
-        for k in std::mem::take(&mut asked) {
-            let column = jacobian.column(k).iter().copied().collect::<Vec<f64>>();
-            let length = norm(&column);
-            if length <= visible {
+        for (k, mut column) in std::mem::take(&mut asked) {
+            if column.length <= visible {
                 selection.dropped.push((k, Dropped::Invisible));
                 continue;
             }
-            let (rest, coefficients) = basis.orthogonal(column);
-            let left = norm(&rest);
-            if left > visible && left > relative * length {
-                let unit = rest.iter().map(|x| x / left).collect();
-                basis.push(unit, coefficients, left);
+            basis.reflect(&mut column);
+            let left = norm(column.rest());
+            if left > visible && left > relative * column.length {
+                basis.push(column, left);
                 selection.kept.push(k);
-            } else if left > visible && left > last * length {
-                asked.push(k);
+            } else if left > visible && left > last * column.length {
+                asked.push((k, column));
             } else {
-                let weights = basis.triangle.backward(coefficients);
+                let along = column.values[..column.reflections].to_vec();
+                let weights = basis.triangle.backward(along);
                 let combination = combination(weights, &selection.kept);
                 selection.dropped.push((k, Dropped::Dependent(combination)));
             }
@@ -318,38 +324,68 @@ fn norm(a: &[f64]) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// Orthonormal columns, and the kept columns in terms of them.
+/// A column after some of the reflections.
+struct Reflected {
+    /// The first ones are final, one a reflection.
+    values: Vec<f64>,
+    reflections: usize,
+    /// Of the column, whatever is done to it.
+    length: f64,
+}
+
+impl Reflected {
+    fn new(column: &[f64]) -> Self {
+        Self {
+            values: column.to_vec(),
+            reflections: 0,
+            length: norm(column),
+        }
+    }
+
+    /// What is orthogonal to the columns that made the reflections.
+    fn rest(&self) -> &[f64] {
+        self.values.get(self.reflections..).unwrap_or(&[])
+    }
+}
+
+/// Householder's reflections, one a kept column, which they bring to a triangle (Golub and Van
+/// Loan, 5.2.2).
 #[derive(Default)]
 struct Basis {
-    columns: Vec<Vec<f64>>,
+    /// Reflection k is `1 - v vᵀ`, its v zero before entry k.
+    normals: Vec<Vec<f64>>,
+    /// The kept columns, one a row.
     triangle: Rows,
 }
 
 impl Basis {
-    /// What of a column is orthogonal to all, and its coefficients.
-    fn orthogonal(&self, mut column: Vec<f64>) -> (Vec<f64>, Vec<f64>) {
-        let mut coefficients = vec![0.0; self.columns.len()];
-        let mut rest = norm(&column);
-        // Twice is enough, and once if little was taken away (Kahan's rule; Parlett 6.9).
-        for _ in 0..2 {
-            let before = rest;
-            for (c, q) in coefficients.iter_mut().zip(&self.columns) {
-                let along = dot(q, &column);
-                for (x, q) in column.iter_mut().zip(q) {
-                    *x -= along * q;
-                }
-                *c += along;
+    /// Does to a column what it lacks of all reflections.
+    fn reflect(&self, column: &mut Reflected) {
+        for normal in &self.normals[column.reflections..] {
+            let rest = &mut column.values[column.reflections..];
+            let along = dot(normal, rest);
+            for (x, v) in rest.iter_mut().zip(normal) {
+                *x -= along * v;
             }
-            rest = norm(&column);
-            if rest > 0.5 * before {
-                break;
-            }
+            column.reflections += 1;
         }
-        (column, coefficients)
     }
 
-    fn push(&mut self, unit: Vec<f64>, coefficients: Vec<f64>, rest: f64) {
-        self.triangle.push(coefficients, rest);
-        self.columns.push(unit);
+    /// Takes a column in; `left`: the length of its rest, not zero.
+    fn push(&mut self, mut column: Reflected, left: f64) {
+        let mut normal = column.values.split_off(column.reflections);
+        // away from zero, so that nothing is lost where the rest is nearly along its first axis
+        let diagonal = match normal.first() {
+            Some(&first) if first > 0.0 => -left,
+            _ => left,
+        };
+        if let Some(first) = normal.first_mut() {
+            *first -= diagonal;
+            // |v|² is to be 2
+            let scale = (left * first.abs()).sqrt().recip();
+            normal.iter_mut().for_each(|x| *x *= scale);
+        }
+        self.triangle.push(column.values, diagonal);
+        self.normals.push(normal);
     }
 }

@@ -11,7 +11,8 @@ use super::solve::{BLOCK, block};
 use super::unknown::Unknown;
 
 /// The unknowns whose twists are constant in some frame, one set a placement of the
-/// instrument, and the places of the others.
+/// instrument, and the places of the others. Of an arm that is not `rigid` the tool is one of
+/// those: it turns with whatever bends before it.
 fn attached(
     arm: &ArmModel,
     paths: &[Path],
@@ -22,17 +23,16 @@ fn attached(
     let mut rest = Vec::new();
     for (k, (path, &scale)) in paths.iter().zip(scales).enumerate() {
         match path {
-            Path::Base { session, unit } if rigid => {
+            Path::Base { session, unit } => {
                 if let Some(set) = sets.get_mut(*session) {
                     set.push_base(k, unit, scale);
                 }
             }
-            Path::Attached(twists) if rigid => {
-                for set in &mut sets {
-                    twists.iter().flatten().for_each(|t| set.push(k, t, scale));
-                }
+            Path::Attached(twists) => sets.iter_mut().for_each(|s| s.push(k, twists, scale)),
+            Path::Tool(twist) if rigid => {
+                let twists = [Some(*twist), None];
+                sets.iter_mut().for_each(|s| s.push(k, &twists, scale));
             }
-            Path::Tool(twist) if rigid => sets.iter_mut().for_each(|s| s.push(k, twist, scale)),
             _ => rest.push(k),
         }
     }
@@ -65,7 +65,7 @@ pub fn linearize(
     let mut effects = Vec::new();
     let mut evaluator = Evaluator::new(arm, sigmas);
     let rigid = arm.effects.is_empty();
-    let (mut attached, rest) = attached(arm, &paths, scales, rigid);
+    let (attached, rest) = attached(arm, &paths, scales, rigid);
     let mut start = 0;
     for o in observations {
         let end = start + o.equations();
@@ -76,10 +76,8 @@ pub fn linearize(
         }
         let columns = jacobian.as_mut_slice();
         let place = |k: usize| k * rows + start..k * rows + end;
-        if let Some(attached) = attached.get_mut(o.session.min(arm.bases.len() - 1)) {
-            evaluator.attached(o, attached, |k, twist| {
-                evaluator.spread(o, &twist, &mut columns[place(k)]);
-            });
+        if let Some(attached) = attached.get(o.session.min(arm.bases.len() - 1)) {
+            evaluator.attached(o, attached, columns, place);
         }
         for &k in &rest {
             let (path, scale, column) = (&paths[k], scales[k], &mut columns[place(k)]);
