@@ -79,13 +79,7 @@ impl Attached {
 
     /// The same for a twist in world axes at the origin of the described base.
     pub(super) fn push_base(&mut self, column: usize, twist: &Twist<f64>, scale: f64) {
-        add(
-            &mut self.parts,
-            Place::DescribedBase,
-            column,
-            twist,
-            scale,
-        );
+        add(&mut self.parts, Place::DescribedBase, column, twist, scale);
     }
 
     /// Displacement of the tool per scaled unit of every unknown taken in, world axes at the

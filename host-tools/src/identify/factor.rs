@@ -3,6 +3,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::product::{gram, times_upper};
+
 /// Triangular factor of a Jacobian with what a step and its covariance need.
 #[derive(Clone, Debug)]
 pub struct Triangle {
@@ -91,7 +93,7 @@ impl Preconditioner {
 
     /// A block of the Jacobian with nearly orthonormal columns.
     pub fn whitened(&self, jacobian: &DMatrix<f64>) -> DMatrix<f64> {
-        jacobian * &self.whitening
+        times_upper(jacobian, &self.whitening)
     }
 
     /// The triangle from the sums over all blocks of `WᵀW` and `Wᵀr`, W whitened; `None`
@@ -132,33 +134,6 @@ fn lower_inverse(lower: DMatrix<f64>) -> Option<DMatrix<f64>> {
         }
     }
     Some(inverse)
-}
-
-/// Columns of a block of [`gram`]: what the kernel of a matrix product takes at once.
-const PANEL: usize = 8;
-
-/// Products that are not wider than this run without that kernel.
-const NARROW: usize = 5;
-
-/// JᵀJ: products of panels of columns with those up to them, the rest by symmetry.
-pub(super) fn gram(jacobian: &DMatrix<f64>) -> DMatrix<f64> {
-    let n = jacobian.ncols();
-    let transposed = jacobian.transpose();
-    let mut gram = DMatrix::zeros(n, n);
-    let mut from = 0;
-    while from < n {
-        let width = match n - from {
-            left if left <= PANEL + NARROW => left,
-            _ => PANEL,
-        };
-        let left = transposed.rows(from, width);
-        let right = jacobian.columns(0, from + width);
-        gram.view_mut((from, 0), (width, from + width))
-            .gemm(1.0, &left, &right, 0.0);
-        from += width;
-    }
-    gram.fill_upper_triangle_with_lower_triangle();
-    gram
 }
 
 /// Why a column is not fitted.

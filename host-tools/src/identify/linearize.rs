@@ -106,25 +106,32 @@ pub fn linearize(
 
 /// Whitened residual alone; of many rows, by several threads.
 pub fn residuals(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -> DVector<f64> {
-    let of = |observations: &[&Observation]| {
-        let rows: usize = observations.iter().map(|o| o.equations()).sum();
-        let mut residual = vec![0.0; rows];
-        let mut evaluator = Evaluator::new(arm, sigmas);
-        let mut rest = residual.as_mut_slice();
-        for o in observations {
-            let (these, after) = rest.split_at_mut(o.equations());
-            evaluator.observe(o);
-            evaluator.residual(o, these);
-            rest = after;
-        }
-        residual
-    };
     if observations.len() <= BLOCK {
-        return DVector::from_vec(of(observations));
+        return residuals_of_block(arm, observations, sigmas);
     }
-    let blocks: Vec<Vec<f64>> = observations
+    let blocks: Vec<DVector<f64>> = observations
         .par_chunks(block(observations.len()))
-        .map(of)
+        .map(|rows| residuals_of_block(arm, rows, sigmas))
         .collect();
-    DVector::from_vec(blocks.concat())
+    let all = blocks.iter().flat_map(|block| block.iter().copied());
+    DVector::from_vec(all.collect())
+}
+
+/// The same by one thread.
+pub(super) fn residuals_of_block(
+    arm: &ArmModel,
+    observations: &[&Observation],
+    sigmas: Sigmas,
+) -> DVector<f64> {
+    let rows: usize = observations.iter().map(|o| o.equations()).sum();
+    let mut residual = vec![0.0; rows];
+    let mut evaluator = Evaluator::new(arm, sigmas);
+    let mut rest = residual.as_mut_slice();
+    for o in observations {
+        let (these, after) = rest.split_at_mut(o.equations());
+        evaluator.observe(o);
+        evaluator.residual(o, these);
+        rest = after;
+    }
+    DVector::from_vec(residual)
 }

@@ -5,31 +5,36 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::arm::ArmModel;
-use super::factor::{Preconditioner, Selection, Triangle, gram, select, select_by_normal};
-use super::linearize::{Linear, linearize};
+use super::factor::{Preconditioner, Selection, Triangle, select, select_by_normal};
+use super::linearize::{Linear, linearize, residuals_of_block};
 use super::observation::{Observation, Sigmas};
 use super::prior::Prior;
+use super::product::{gradient, gram};
 use super::solve::{BLOCK, RELATIVE, VISIBLE, block};
 use super::unknown::Unknown;
 
-/// Does `work` on the linearisation of every block and folds the results in their order.
-fn over_blocks<R: Send>(
+/// Numbers that the Jacobians of all blocks may have to be kept, 64 MB: those of forty thousand
+/// full poses of six joints.
+const KEPT: usize = 1 << 23;
+
+/// Does `work` on every one of `blocks`, several by several threads; the results in their order.
+fn each<B: Send, R: Send>(blocks: Vec<B>, work: impl Fn(B) -> R + Sync + Send) -> Vec<R> {
+    match blocks.len() {
+        0 | 1 => blocks.into_iter().map(work).collect(),
+        _ => blocks.into_par_iter().map(work).collect(),
+    }
+}
+
+/// The same on the linearisation of every block of the observations.
+fn each_linear<R: Send>(
     at: &Linearised<'_>,
     observations: &[&Observation],
-    work: impl Fn(Linear) -> R + Sync,
-    mut fold: impl FnMut(R),
-) {
-    let each =
-        |block: &[&Observation]| work(linearize(at.arm, at.unknowns, at.scales, block, at.sigmas));
-    if observations.len() <= BLOCK {
-        fold(each(observations));
-        return;
-    }
-    let results: Vec<R> = observations
-        .par_chunks(block(observations.len()))
-        .map(each)
-        .collect();
-    results.into_iter().for_each(fold);
+    work: impl Fn(Linear) -> R + Sync + Send,
+) -> Vec<R> {
+    let blocks = observations.chunks(block(observations.len())).collect();
+    each(blocks, |block: &[&Observation]| {
+        work(linearize(at.arm, at.unknowns, at.scales, block, at.sigmas))
+    })
 }
 
 /// What is linearised, and where.
@@ -46,37 +51,64 @@ pub(super) struct Normal {
     pub(super) matrix: DMatrix<f64>,
     pub(super) gradient: DVector<f64>,
     pub(super) cost: f64,
-    /// The block itself, where there is only one.
-    pub(super) only: Option<Linear>,
+    /// The blocks themselves; `None` where they are too large to be kept.
+    blocks: Option<Vec<Linear>>,
 }
 
 impl Normal {
     pub(super) fn new(at: &Linearised<'_>, observations: &[&Observation]) -> Self {
         let n = at.unknowns.len();
-        let mut sum = Self {
+        let equations: usize = observations.iter().map(|o| o.equations()).sum();
+        let keep = equations * n <= KEPT;
+        let sums = each_linear(at, observations, |linear| {
+            let matrix = gram(&linear.jacobian);
+            let gradient = gradient(&linear.jacobian, &linear.residual);
+            let cost = linear.residual.norm_squared();
+            (matrix, gradient, cost, keep.then_some(linear))
+        });
+        let mut all = Self {
             matrix: DMatrix::zeros(n, n),
             gradient: DVector::zeros(n),
             cost: 0.0,
-            only: None,
+            blocks: keep.then(Vec::new),
         };
-        let single = observations.len() <= BLOCK;
-        over_blocks(
-            at,
-            observations,
-            |linear| {
-                let matrix = gram(&linear.jacobian);
-                let gradient = linear.jacobian.tr_mul(&linear.residual);
-                let cost = linear.residual.norm_squared();
-                (matrix, gradient, cost, single.then_some(linear))
-            },
-            |(matrix, gradient, cost, linear)| {
-                sum.matrix += matrix;
-                sum.gradient += gradient;
-                sum.cost += cost;
-                sum.only = linear;
-            },
-        );
-        sum
+        for (matrix, gradient, cost, linear) in sums {
+            all.matrix += matrix;
+            all.gradient += gradient;
+            all.cost += cost;
+            if let Some(blocks) = &mut all.blocks {
+                blocks.extend(linear);
+            }
+        }
+        all
+    }
+
+    /// Gives the blocks' memory back: what needs them linearises anew.
+    pub(super) fn forget(&mut self) {
+        self.blocks = None;
+    }
+
+    /// Cost of another arm's residuals, and their gradient with this Jacobian; `None` where that
+    /// was too large to be kept.
+    pub(super) fn elsewhere(
+        &self,
+        arm: &ArmModel,
+        observations: &[&Observation],
+        sigmas: Sigmas,
+    ) -> Option<(f64, DVector<f64>)> {
+        let blocks = self.blocks.as_ref()?;
+        let rows = observations.chunks(block(observations.len()));
+        let both = blocks.iter().zip(rows).collect();
+        let sums = each(both, |(linear, rows): (&Linear, &[&Observation])| {
+            let residual = residuals_of_block(arm, rows, sigmas);
+            let gradient = gradient(&linear.jacobian, &residual);
+            (residual.norm_squared(), gradient)
+        });
+        let none = (0.0, DVector::zeros(self.gradient.len()));
+        Some(
+            sums.into_iter()
+                .fold(none, |sum, x| (sum.0 + x.0, sum.1 + x.1)),
+        )
     }
 
     /// Which columns the observations can tell apart: orthogonal columns decide where the
@@ -106,9 +138,11 @@ impl Normal {
             matrix: self.matrix.select_rows(kept).select_columns(kept),
             gradient: self.gradient.select_rows(kept),
             cost: self.cost,
-            only: self.only.map(|linear| Linear {
-                jacobian: linear.jacobian.select_columns(kept),
-                residual: linear.residual,
+            blocks: self.blocks.map(|blocks| {
+                each(blocks, |linear| Linear {
+                    jacobian: linear.jacobian.select_columns(kept),
+                    residual: linear.residual,
+                })
             }),
         }
     }
@@ -127,8 +161,12 @@ impl Normal {
             return triangle;
         }
         let mut triangle = Triangle::new(at.unknowns.len());
-        match &self.only {
-            Some(linear) => triangle.push(&linear.jacobian, &linear.residual),
+        match &self.blocks {
+            Some(blocks) => {
+                for linear in blocks {
+                    triangle.push(&linear.jacobian, &linear.residual);
+                }
+            }
             None => {
                 for block in observations.chunks(BLOCK) {
                     let linear = linearize(at.arm, at.unknowns, at.scales, block, at.sigmas);
@@ -161,21 +199,19 @@ impl Normal {
     ) -> Option<Triangle> {
         let products = |linear: &Linear| {
             let whitened = first.whitened(&linear.jacobian);
-            let projected = whitened.tr_mul(&linear.residual);
+            let projected = gradient(&whitened, &linear.residual);
             (gram(&whitened), projected)
         };
+        let mut sums = match &self.blocks {
+            Some(blocks) => each(blocks.iter().collect(), products),
+            None => each_linear(at, observations, |linear| products(&linear)),
+        };
+        sums.extend(prior.map(products));
         let n = at.unknowns.len();
         let (mut square, mut projected) = (DMatrix::zeros(n, n), DVector::zeros(n));
-        let mut add = |(g, p): (DMatrix<f64>, DVector<f64>)| {
+        for (g, p) in sums {
             square += g;
             projected += p;
-        };
-        match &self.only {
-            Some(linear) => add(products(linear)),
-            None => over_blocks(at, observations, |linear| products(&linear), &mut add),
-        }
-        if let Some(rows) = prior {
-            add(products(rows));
         }
         first.triangle(&square, &projected)
     }

@@ -21,10 +21,14 @@ pub(super) const RELATIVE: f64 = 1e-9;
 /// taken over whole blocks in their order, so no result depends on the number of threads.
 pub(super) const BLOCK: usize = 256;
 
-/// Rows of each of as few blocks as hold `rows`, all of one size: two threads share 300 rows
-/// evenly.
+/// Rows of each block where there are `rows` in all: one block, or the least even number of
+/// blocks that hold them, all of one size, so that two threads have the same to do.
 pub(super) fn block(rows: usize) -> usize {
-    rows.div_ceil(rows.div_ceil(BLOCK).max(1)).max(1)
+    let blocks = match rows.div_ceil(BLOCK) {
+        0 | 1 => 1,
+        more => more.next_multiple_of(2),
+    };
+    rows.div_ceil(blocks).max(1)
 }
 
 const MAX_ITERATIONS: usize = 60;
@@ -288,6 +292,7 @@ fn descend(
                 .triangle
                 .solved(unknowns, &scales, end.cost, equations, iterations, true);
         }
+        here.forget();
         let mut there_arm = arm.clone();
         apply(&mut there_arm, unknowns, &scaled(&step));
         let at = Linearised {
@@ -364,7 +369,9 @@ fn chord(
     sigmas: Sigmas,
     prior: Prior<'_>,
 ) -> Option<End> {
-    let linear = here.only.as_ref().filter(|_| prior.is_none())?;
+    if !prior.is_none() {
+        return None;
+    }
     let at = Linearised {
         arm,
         unknowns,
@@ -379,9 +386,7 @@ fn chord(
     let mut before = f64::INFINITY;
     loop {
         apply(&mut there, unknowns, &scaled(&step));
-        let residual = residuals(&there, observations, sigmas);
-        let cost = residual.norm_squared();
-        let gradient = linear.jacobian.tr_mul(&residual);
+        let (cost, gradient) = here.elsewhere(&there, observations, sigmas)?;
         step = triangle.step_along(&gradient)?;
         let promised = step.dot(&gradient);
         if cost > here.cost {
