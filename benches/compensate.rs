@@ -5,9 +5,9 @@
 #![expect(clippy::unwrap_used, reason = "a bench may stop at what cannot happen")]
 #[path = "../tests/support/puma.rs"]
 mod puma;
-#[path = "../tests/support/mod.rs"]
+#[path = "../tests/support/random.rs"]
 #[expect(dead_code, reason = "shared with the tests")]
-mod support;
+mod random;
 
 use std::hint::black_box;
 
@@ -16,7 +16,7 @@ use truepose::budget::Budget;
 use truepose::compensate::{Compensator, Request, Status};
 
 fn one_pose(criterion: &mut Criterion) {
-    let mut random = support::Random(41);
+    let mut random = random::Random(41);
     let blob = puma::blob(puma::off(&mut random), &[]);
     let model = blob.model::<f64, 6>().unwrap();
     let requests: Vec<_> = (0..256)

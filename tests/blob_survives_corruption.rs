@@ -1,15 +1,9 @@
 //! A blob comes back as it was written, and any other bytes are refused by name.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#[path = "support/blobs.rs"]
-mod blobs;
-mod support;
-#[path = "support/tables.rs"]
-mod tables;
-
-use blobs::blob;
+use crate::blobs::blob;
+use crate::random::Random;
+use crate::tables;
 use nalgebra::Vector3;
-use support::Random;
 use truepose::effects::{Effect, GearEccentricity, JointCompliance, JointGain};
 use truepose::params::{
     Blob, BlobError, Description, HEADER, Provenance, checksum, checksum_onwards, decode,

@@ -1,10 +1,8 @@
 //! The baked chain against the plain product of the described transforms, and every
 //! analytic derivative against central differences, for all conventions and 1 to 7 joints.
 
-mod support;
-
+use crate::random::Random;
 use nalgebra::Vector3;
-use support::Random;
 use truepose::jacobian::{joint_column, parameter_twists};
 use truepose::{BakedJoint, Frame, Gauge, Joint, LinkMass, Pose, bake, forward};
 

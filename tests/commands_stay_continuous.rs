@@ -1,21 +1,9 @@
 //! Along a straight path, points 0.1 mm apart, corrected commands move on in small steps:
 //! through the wrist singularity, along and into a joint limit, with and without a memory.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#[path = "support/path.rs"]
-mod path;
-#[path = "support/puma.rs"]
-#[expect(
-    dead_code,
-    reason = "poses away from singularities are for other tests"
-)]
-mod puma;
-#[expect(dead_code, reason = "random arms are for other tests")]
-mod support;
-
-use path::{in_plane, path};
-use puma::{blob, off};
-use support::Random;
+use crate::path::{in_plane, path};
+use crate::puma::{blob, off};
+use crate::random::Random;
 use truepose::budget::Budget;
 use truepose::compensate::{Compensator, Request};
 use truepose::taught::Taught;

@@ -1,16 +1,11 @@
 //! Whatever comes in, what goes out is safe to send: random arms of one to seven joints,
 //! random blobs, requests, conditions and budgets.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#[path = "support/blobs.rs"]
-mod blobs;
-mod support;
-#[path = "support/tables.rs"]
-mod tables;
-
 use std::cell::Cell;
 
-use support::Random;
+use crate::blobs;
+use crate::random::Random;
+use crate::tables;
 use truepose::budget::{Budget, Counter};
 use truepose::compensate::{Compensator, Outcome, Request, Status};
 use truepose::effects::Conditions;

@@ -1,13 +1,7 @@
 //! The inverse Jacobian takes the error out, to the last digits of the number type.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#[path = "support/puma.rs"]
-mod puma;
-#[expect(dead_code, reason = "random arms are for other tests")]
-mod support;
-
-use puma::{away_from_singularities, blob, off};
-use support::Random;
+use crate::puma::{away_from_singularities, blob, off};
+use crate::random::Random;
 use truepose::budget::Budget;
 use truepose::compensate::{Compensator, Request, Status};
 use truepose::effects::Conditions;

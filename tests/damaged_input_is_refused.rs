@@ -2,23 +2,11 @@
 //! not sent.
 //!
 //! The same, a million times:
-//! `cargo test --release --test damaged_input_is_refused -- --ignored --nocapture`
+//! `cargo test --release --test all damaged_input_is_refused -- --ignored --nocapture`
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#![expect(clippy::panic, reason = "a test may stop at what cannot happen")]
-#[path = "support/blobs.rs"]
-mod blobs;
-#[path = "support/controller.rs"]
-#[expect(dead_code, reason = "answers are not listened to here")]
-mod controller;
-#[path = "support/memories.rs"]
-#[expect(dead_code, reason = "no power is cut here")]
-mod memories;
-mod support;
-
-use blobs::blob;
-use controller::{Controller, SLOT, frame};
-use support::Random;
+use crate::blobs::blob;
+use crate::controller::{Controller, SLOT, frame};
+use crate::random::Random;
 use truepose::link::{Announcement, Ask, CHUNK, Decoder, Request};
 use truepose::params::{Blob, HEADER, LAYOUT, checksum};
 

@@ -1,12 +1,8 @@
 //! Effects against closed formulas on arms simple enough to have one.
 
-#[path = "support/described.rs"]
-mod described;
-mod support;
-
-use described::{Described, Given};
+use crate::described::{Described, Given};
+use crate::random::Random;
 use nalgebra::Vector3;
-use support::Random;
 use truepose::effects::{
     Ambient, AxisWobble, BaseFlex, Bends, CrossAxisCompliance, Effect, Factor, GravityLever, Grows,
     JointCompliance, JointCurve, LinkBending, ONE, Place, Reading, Shape, StepChange,

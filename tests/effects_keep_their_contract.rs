@@ -2,16 +2,10 @@
 //! extreme inputs, the same in f32, through the blob and under its name, and indifferent to
 //! how the frames were baked.
 
-#[path = "support/described.rs"]
-mod described;
-#[path = "support/samples.rs"]
-mod samples;
-mod support;
-
-use described::{Baked, Given};
+use crate::described::{Baked, Given};
+use crate::random::Random;
+use crate::samples::{JOINTS, arm, given, one_of_each};
 use nalgebra::Vector3;
-use samples::{JOINTS, arm, given, one_of_each};
-use support::Random;
 use truepose::effects::{AXES, Ambient, Effect, KINDS, Reading, Selector, Stage, Wish};
 use truepose::jacobian::reading_column;
 use truepose::{Convention, Scalar};

@@ -1,17 +1,10 @@
 //! The elbow arm of MRD example 1 (tables 5.1 and 5.2): joint commands updated by the inverse of
 //! the nominal Jacobian, which the compensator of a nominal model has in closed form.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#[path = "support/puma.rs"]
-#[expect(dead_code, reason = "another arm is for other tests")]
-mod puma;
-#[expect(dead_code, reason = "random arms are for other tests")]
-mod support;
-
 use std::f64::consts::FRAC_PI_2;
 
-use puma::{away_from_singularities, blob};
-use support::Random;
+use crate::puma::{self, away_from_singularities, blob};
+use crate::random::Random;
 use truepose::budget::Budget;
 use truepose::compensate::spherical_wrist::SphericalWrist;
 use truepose::compensate::{Compensator, Request, Status};

@@ -1,17 +1,13 @@
 //! Sensors and pins do what the loop expects of them, and their failures stay outside it.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#[path = "support/blobs.rs"]
-mod blobs;
-mod support;
-
+use crate::blobs;
+use crate::random::Random;
 use embedded_hal::i2c::ErrorKind;
 use embedded_hal_mock::eh1::MockError;
 use embedded_hal_mock::eh1::delay;
 use embedded_hal_mock::eh1::digital::{self, State};
 use embedded_hal_mock::eh1::i2c;
 use lm75::{Address, Lm75};
-use support::Random;
 use truepose::Model;
 use truepose::budget::Budget;
 use truepose::compensate::{Compensator, Request, Status};

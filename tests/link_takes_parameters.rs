@@ -1,19 +1,9 @@
 //! Parameters come over the link whole, or not at all and with a reason.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#![expect(clippy::panic, reason = "a test may stop at what cannot happen")]
-#[path = "support/blobs.rs"]
-mod blobs;
-#[path = "support/controller.rs"]
-mod controller;
-#[path = "support/memories.rs"]
-#[expect(dead_code, reason = "the link is not tried on every memory")]
-mod memories;
-mod support;
-
-use blobs::blob;
-use controller::{Controller, SLOT, frame};
-use support::Random;
+use crate::blobs::blob;
+use crate::controller::{Controller, SLOT, frame};
+use crate::memories;
+use crate::random::Random;
 use truepose::budget::Budget;
 use truepose::compensate::{Compensator, Request as Wanted};
 use truepose::link::{

@@ -2,18 +2,8 @@
 //! the general search gives, which an arm with an effect of size zero goes through; and what is
 //! said to be left bounds what is.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#[path = "support/puma.rs"]
-#[expect(
-    dead_code,
-    reason = "poses away from singularities are for other tests"
-)]
-mod puma;
-#[expect(dead_code, reason = "random arms are for other tests")]
-mod support;
-
-use puma::{blob, off};
-use support::Random;
+use crate::puma::{blob, off};
+use crate::random::Random;
 use truepose::budget::Budget;
 use truepose::compensate::{Compensator, Outcome, Request, Status};
 use truepose::effects::{Conditions, Effect, JointGain};

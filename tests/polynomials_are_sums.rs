@@ -1,10 +1,6 @@
 //! What polynomials come to is the sum of their terms, however it is computed.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#[expect(dead_code, reason = "only numbers are drawn")]
-mod support;
-
-use support::Random;
+use crate::random::Random;
 use truepose::taught::polynomial::{Block, MAX_DEGREE, exponents, terms};
 use truepose::taught::{Polynomial, Region};
 

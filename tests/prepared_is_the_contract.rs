@@ -1,14 +1,8 @@
 //! What is worked in per request gives what the effects' contract gives, partial by partial.
 
-#[path = "support/described.rs"]
-mod described;
-#[path = "support/samples.rs"]
-mod samples;
-mod support;
-
-use described::{Baked, Given};
-use samples::{JOINTS, arm, given, one_of_each};
-use support::Random;
+use crate::described::{Baked, Given};
+use crate::random::Random;
+use crate::samples::{JOINTS, arm, given, one_of_each};
 use truepose::effects::{
     Effect, GearEccentricity, GearRipple, Grows, JointCompliance, JointCurve, JointGain, Reading,
     Stage, ThermalGrowth, encode,

@@ -1,18 +1,12 @@
 //! The linear quadratic regulator of MRD 5.3: its recursion, redundant and reduced, gives what
 //! one damped least-squares solution gives; and the statements made about tables 5.5 to 5.7.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#[path = "support/puma.rs"]
-#[expect(dead_code, reason = "random arms are for other tests")]
-mod puma;
-#[expect(dead_code, reason = "random arms are for other tests")]
-mod support;
-
 use std::cell::Cell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+use crate::puma;
+use crate::random::Random;
 use nalgebra::{SMatrix, Vector3};
-use support::Random;
 use truepose::budget::Budget;
 use truepose::compensate::lqr::corrections;
 use truepose::compensate::{Compensator, Request};

@@ -1,16 +1,8 @@
 //! A cut at every byte of every write and erase leaves the old parameters or the new ones.
 
-#![expect(clippy::panic, reason = "a test may stop at what cannot happen")]
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#[path = "support/blobs.rs"]
-mod blobs;
-#[path = "support/memories.rs"]
-mod memories;
-mod support;
-
-use blobs::blob;
-use memories::{CUTS, Chip, Cut, DEVICE, NoDelay, Serial};
-use support::Random;
+use crate::blobs::blob;
+use crate::memories::{CUTS, Chip, Cut, DEVICE, NoDelay, Serial};
+use crate::random::Random;
 use truepose::params::BlobError;
 use truepose::storage::{
     Eeprom, EepromError, Flash, Geometry, Memory, Progress, StorageError, Store,

@@ -1,14 +1,8 @@
 //! The task point that the nominal inverse kinematics have to be asked for, so that the arm
 //! goes where it should; and the analytic inverse of arms with a spherical wrist.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#[path = "support/puma.rs"]
-mod puma;
-#[expect(dead_code, reason = "random arms are for other tests")]
-mod support;
-
-use puma::{away_from_singularities, blob, nominal, off, smallest_singular_value};
-use support::Random;
+use crate::puma::{away_from_singularities, blob, nominal, off, smallest_singular_value};
+use crate::random::Random;
 use truepose::budget::Budget;
 use truepose::compensate::spherical_wrist::SphericalWrist;
 use truepose::compensate::task_point::first;

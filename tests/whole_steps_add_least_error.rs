@@ -1,13 +1,7 @@
 //! Commands in whole joint steps, chosen together, lead nearer than rounded one by one.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#[path = "support/puma.rs"]
-mod puma;
-#[expect(dead_code, reason = "random arms are for other tests")]
-mod support;
-
-use puma::{away_from_singularities, blob, off, smallest_singular_value};
-use support::Random;
+use crate::puma::{away_from_singularities, blob, off, smallest_singular_value};
+use crate::random::Random;
 use truepose::budget::Budget;
 use truepose::compensate::minimum_move::nearest;
 use truepose::compensate::{Compensator, Request};

@@ -2,6 +2,7 @@
 //! rows are one block of work.
 
 #[path = "../tests/synthetic/mod.rs"]
+#[expect(dead_code, reason = "shared with the tests")]
 mod synthetic;
 
 use std::hint::black_box;

@@ -10,6 +10,7 @@
 )]
 
 #[path = "../tests/synthetic/mod.rs"]
+#[expect(dead_code, reason = "shared with the tests")]
 mod synthetic;
 
 use std::time::{Duration, Instant};

@@ -1,10 +1,5 @@
 //! Circle point analysis: fits, extraction, and from sweeps alone to a calibrated arm.
 
-#![expect(clippy::unwrap_used, reason = "helpers of tests stop the test")]
-
-mod support;
-mod synthetic;
-
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt::Write as _;
 use std::fs;
@@ -20,8 +15,8 @@ use truepose_host::description::Robot;
 use truepose_host::measurement::{self, Expected, Purpose};
 use truepose_host::random::Random;
 
-use support::{folder, said, truepose};
-use synthetic::{anywhere, arm};
+use crate::support::{folder, said, truepose};
+use crate::synthetic::{self, anywhere, arm};
 
 fn vector(random: &mut Random, size: f64) -> Vector3<f64> {
     Vector3::new(random.normal(), random.normal(), random.normal()) * size

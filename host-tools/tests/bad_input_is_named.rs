@@ -1,10 +1,8 @@
 //! Bad input gives one message that names the place, exit status 2, and writes nothing.
 
-mod support;
-
 use std::fs;
 
-use support::{folder, names, said, truepose, write_blob};
+use crate::support::{self, folder, names, said, truepose, write_blob};
 use truepose_host::measurement::{Expected, Purpose, read};
 
 const HEADER: &str = "q1,q2,q3,q4,q5,q6,x,y,z\n";

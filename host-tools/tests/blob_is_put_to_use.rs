@@ -1,15 +1,8 @@
 //! `inspect` and `predict` say and compute what the blob holds.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a test file that cannot be made is a failed test"
-)]
-
-mod support;
-
 use std::fs;
 
-use support::{folder, names, said, truepose, write_blob};
+use crate::support::{folder, names, said, truepose, write_blob};
 use truepose::Pose;
 use truepose::budget::Budget;
 use truepose::compensate::{Compensator, Request};

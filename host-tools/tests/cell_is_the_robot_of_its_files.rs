@@ -1,8 +1,6 @@
 //! The simulated cell hands over what it says: its files read back to its rows, its drawing is
 //! the arm that the library computes, and its numbers are the same everywhere.
 
-#![expect(clippy::unwrap_used, reason = "helpers of tests stop the test")]
-
 use truepose_host::cell::{
     Arm, Cell, Conditions, Files, Hidden, Instrument, Measured, Seen, Visit,
 };

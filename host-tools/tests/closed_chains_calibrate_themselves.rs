@@ -1,13 +1,7 @@
 //! The two mechanisms of Nahvi and Hollerbach: identified from nothing but their own closure,
 //! and which observability index tells good sets of poses.
 
-#[allow(dead_code, reason = "its main")]
-#[path = "../examples/parallel_drive.rs"]
-mod parallel_drive;
-#[allow(dead_code, reason = "its main")]
-#[path = "../examples/planar_arm.rs"]
-mod planar_arm;
-
+use crate::{parallel_drive, planar_arm};
 use truepose_host::closed_chain::{
     Failure, Loop, ParallelDrive, PlanarArm, identify, observe, study,
 };

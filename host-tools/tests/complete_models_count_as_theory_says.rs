@@ -2,10 +2,6 @@
 //! every convention counts so, has that rank numerically, and is well conditioned where
 //! neighbours are nearly parallel. Left and right differential forms identify the same arm.
 
-#![expect(clippy::unwrap_used, reason = "helpers of tests stop the test")]
-
-mod synthetic;
-
 use nalgebra::{DMatrix, DVector, Vector3};
 use truepose::effects::Ambient;
 use truepose::{Convention, Pose};
@@ -19,7 +15,7 @@ use truepose_host::identify::observation::Observation;
 use truepose_host::identify::structure::{complete_count, structure};
 use truepose_host::identify::unknown::{Unknown, apply};
 
-use synthetic::{CONVENTIONS, SIGMAS, Seen, apart, arm, built, measured, problem};
+use crate::synthetic::{CONVENTIONS, SIGMAS, Seen, apart, arm, built, measured, problem};
 
 /// Singular values of the identification Jacobian of full poses, columns of unit length.
 fn spectrum(arm: &ArmModel, unknowns: &[Unknown]) -> Vec<f64> {

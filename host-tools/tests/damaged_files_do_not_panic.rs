@@ -1,16 +1,9 @@
 //! Files with anything in them are read or refused, and what is refused is named in one line.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a test file that cannot be made is a failed test"
-)]
-
-mod support;
-
 use std::fs;
 use std::path::Path;
 
-use support::{ROBOT, folder};
+use crate::support::{self, ROBOT, folder};
 use truepose_host::description::Robot;
 use truepose_host::error::Error;
 use truepose_host::measurement::{Expected, Purpose, read};

@@ -1,8 +1,6 @@
 //! `demo` runs with nothing prepared and ends better than it began.
 
-mod support;
-
-use support::{folder, names, said, truepose};
+use crate::support::{folder, names, said, truepose};
 
 #[test]
 fn every_step_of_the_loop_makes_the_arm_better() {

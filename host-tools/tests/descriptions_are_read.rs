@@ -1,10 +1,5 @@
 //! Robot descriptions mean what the file format says.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a test file that cannot be made is a failed test"
-)]
-
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,14 +1,7 @@
 //! The diagnosis on simulated cells that hide an effect it is not told of, and on measured
 //! robots.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a cell that cannot be fitted in a test helper is a failed test"
-)]
-
-mod diagnosed;
-mod robots;
-
+use crate::robots;
 use truepose::params::Blob;
 use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen};
 use truepose_host::deploy::{Origin, blob};
@@ -19,7 +12,7 @@ use truepose_host::identify::observation::Observation;
 use truepose_host::identify::readings::identify_file;
 use truepose_host::measurement::{Expected, Purpose, read};
 
-use diagnosed::{diagnosed, rms};
+use crate::diagnosed::{diagnosed, rms};
 
 const ARMS: [Arm; 4] = [Arm::Puma560, Arm::Ur10, Arm::Irb120, Arm::Panda];
 

@@ -1,16 +1,8 @@
 //! Diagnosis of an arm that is measured by distances between poses, touches of points and
 //! planes, or bearings alone: what is hidden is named, and nothing where nothing is hidden.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "an arm that cannot be fitted in a test helper is a failed test"
-)]
-
-mod bound;
-mod synthetic;
-
-use bound::{Bound, bound, problem_of, surrounded};
-use synthetic::arm;
+use crate::bound::{Bound, bound, problem_of, surrounded};
+use crate::synthetic::arm;
 use truepose::Convention;
 use truepose::effects::{Effect, Selector};
 use truepose_host::diagnose::{Answer, Diagnosis, diagnose};

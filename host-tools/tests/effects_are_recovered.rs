@@ -1,15 +1,9 @@
 //! Every effect, put into synthetic poses without noise, is identified with its own values
 //! together with the geometry, and predicts poses that no fit has seen.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "what cannot be made in a test helper is a failed test"
-)]
-
-mod synthetic;
-
 use std::f64::consts::FRAC_PI_2;
 
+use crate::synthetic;
 use nalgebra::Vector3;
 use truepose::effects::{AXES, Ambient, Effect, Factor, Place, Selector, Shape, Unnamed, Variable};
 use truepose::{Joint, JointKind, LinkMass, Pose};

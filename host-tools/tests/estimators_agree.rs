@@ -1,15 +1,8 @@
 //! All estimators find the same arm on the same well-posed data, robust losses name the rows
 //! that are wrong, and a Kalman filter notices a model that does not hold.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "what cannot be made in a test helper is a failed test"
-)]
-
-mod synthetic;
-
+use crate::synthetic::{SIGMAS, Seen, anywhere, apart, arm, built, measured, problem};
 use nalgebra::Vector3;
-use synthetic::{SIGMAS, Seen, anywhere, apart, arm, built, measured, problem};
 use truepose::{Convention, Parameter};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::evaluator::Evaluator;

@@ -1,17 +1,9 @@
 //! Distances between poses, touches of points and planes, bearings: derivatives follow
 //! differences, and without noise the true arm comes back.
 
-#![expect(
-    clippy::panic,
-    reason = "a fit that cannot be made in a test helper is a failed test"
-)]
-
-mod bound;
-mod synthetic;
-
-use bound::{Bound, bound, posture, problem_of, surrounded};
+use crate::bound::{Bound, bound, posture, problem_of, surrounded};
+use crate::synthetic::{self, CONVENTIONS, SIGMAS, anywhere, apart, arm, built, problem};
 use nalgebra::Vector3;
-use synthetic::{CONVENTIONS, SIGMAS, anywhere, apart, arm, built, problem};
 use truepose::{Convention, Pose};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::evaluator::Evaluator;

@@ -1,8 +1,7 @@
 //! What a diagnosis finds on one series of poses serves another series of the same arm: other
 //! poses, a wider range of the joints, the instrument somewhere else.
 
-mod robots;
-
+use crate::robots;
 use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen};
 use truepose_host::description::Robot;
 use truepose_host::diagnose::diagnose;

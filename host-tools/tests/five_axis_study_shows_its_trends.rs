@@ -1,8 +1,6 @@
 //! Mooring, Roth and Driels' simulation of an arm of five turns and a slide: the trends of tables
 //! 4.2 to 4.8.
 
-#![expect(clippy::unwrap_used, reason = "helpers of tests stop the test")]
-
 use nalgebra::{DMatrix, DVector, Vector3};
 use truepose::effects::Ambient;
 use truepose::{Joint, JointKind, Parameter, Pose};

@@ -1,7 +1,6 @@
 //! Faults of the input are found and named, and right input is left alone.
 
-mod robots;
-
+use crate::robots;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen};
 use truepose_host::description::Robot;

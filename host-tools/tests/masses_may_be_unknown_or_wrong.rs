@@ -1,12 +1,5 @@
 //! Joints that give way under links whose masses nobody has written down, or wrong ones.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a cell that cannot be fitted in a test helper is a failed test"
-)]
-
-mod diagnosed;
-
 use truepose::effects::Effect;
 use truepose_host::cell::{Arm, Cell, Conditions, Hidden, Instrument, Seen};
 use truepose_host::description::Robot;
@@ -14,7 +7,7 @@ use truepose_host::diagnose::Diagnosis;
 use truepose_host::diagnose::hypothesis::Members;
 use truepose_host::measurement::Dataset;
 
-use diagnosed::{diagnosed, rms};
+use crate::diagnosed::{diagnosed, rms};
 
 /// A cell whose joints all give way, three times above the floor, and its rows.
 fn yielding(arm: Arm, payloads: Vec<f64>) -> (Robot, Dataset) {

@@ -1,14 +1,8 @@
 //! The real measurements, against an independent fit of the same files.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a file that cannot be read in a test helper is a failed test"
-)]
-
-mod robots;
-
 use std::path::Path;
 
+use crate::robots;
 use truepose_host::description::Robot;
 use truepose_host::identify::named::effects;
 use truepose_host::identify::readings::identify_file;

@@ -1,20 +1,13 @@
 //! `identify` on files of distances, touches and bearings, by every estimator; what cannot be
 //! meant is named.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a file that cannot be read in a test helper is a failed test"
-)]
-
-mod support;
-
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
+use crate::support::{folder, names, robot, said, truepose};
 use nalgebra::Vector3;
 use serde_json::Value;
-use support::{folder, names, robot, said, truepose};
 use truepose::Pose;
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::evaluator::Evaluator;

@@ -1,7 +1,5 @@
 //! The observability indices against the examples and statements of the papers that made them.
 
-#![expect(clippy::unwrap_used, reason = "helpers of tests stop the test")]
-
 use nalgebra::{DMatrix, DVector};
 use truepose_host::observability::{Observability, Unobservable, g, scale_columns};
 use truepose_host::random::Random;

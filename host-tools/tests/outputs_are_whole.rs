@@ -1,10 +1,5 @@
 //! Outputs are written whole, together, or not at all.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a test file that cannot be made is a failed test"
-)]
-
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -1,12 +1,5 @@
 //! `send` and `monitor` against a controller behind a socket, on good and on bad wires.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a test file that cannot be made is a failed test"
-)]
-
-mod support;
-
 use std::convert::Infallible;
 use std::fs;
 use std::io::{ErrorKind, Read as _, Write as _};
@@ -17,8 +10,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use crate::support::{folder, robot, said, truepose, write_blob};
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
-use support::{folder, robot, said, truepose, write_blob};
 use truepose::budget::Budget;
 use truepose::compensate::{Compensator, Request};
 use truepose::link::{Event, Link, Tally};

@@ -1,8 +1,6 @@
 //! A planned set of poses tells more than random ones, close to all that any set could tell,
 //! and says how much.
 
-#![expect(clippy::unwrap_used, reason = "helpers of tests stop the test")]
-
 use nalgebra::Vector3;
 use truepose::Pose;
 use truepose_host::cell::{Arm, Cell};

@@ -1,14 +1,7 @@
 //! Two explanations that the measured poses cannot tell apart, and the poses that do.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a fit that cannot be made in a test helper is a failed test"
-)]
-
-mod synthetic;
-
+use crate::synthetic::{SIGMAS, Seen, arm, built, measured, problem};
 use nalgebra::Vector3;
-use synthetic::{SIGMAS, Seen, arm, built, measured, problem};
 use truepose::Convention;
 use truepose::effects::{Effect, GearEccentricity};
 use truepose_host::diagnose::hypothesis::Hypothesis;

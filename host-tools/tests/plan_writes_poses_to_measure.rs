@@ -1,8 +1,6 @@
 //! `plan` from the command line.
 
-mod support;
-
-use support::{folder, robot, said, truepose, write_blob};
+use crate::support::{folder, robot, said, truepose, write_blob};
 use truepose_host::measurement::{Expected, Purpose, read};
 
 #[test]

@@ -1,10 +1,9 @@
 //! Mooring, Roth and Driels' case study against its own tables: conversion (6.7 to 6.10), gain in
 //! accuracy (6.13).
 
-mod synthetic;
-
 use std::f64::consts::PI;
 
+use crate::synthetic;
 use nalgebra::Vector3;
 use truepose::effects::Ambient;
 use truepose::{Joint, JointKind, Pose};

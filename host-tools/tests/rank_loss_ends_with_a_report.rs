@@ -1,9 +1,7 @@
 //! Poses that cannot show every parameter end in a report that says so, without NaN.
 
-mod synthetic;
-
+use crate::synthetic::{SIGMAS, Seen, anywhere, arm, built, measured, problem};
 use nalgebra::Vector3;
-use synthetic::{SIGMAS, Seen, anywhere, arm, built, measured, problem};
 use truepose::Convention;
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::evaluator::Evaluator;

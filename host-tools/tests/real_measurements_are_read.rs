@@ -1,7 +1,6 @@
 //! The measured files that the project is developed on parse as what they are.
 
-mod robots;
-
+use crate::robots;
 use truepose_host::description::Robot;
 use truepose_host::measurement::{Expected, Measured, Purpose, Set, read};
 

@@ -1,10 +1,5 @@
 //! One physical robot in every convention: the same poses at every reading, by the files too.
 
-#![expect(clippy::unwrap_used, reason = "helpers of tests stop the test")]
-
-mod support;
-mod synthetic;
-
 use std::fs;
 use std::path::Path;
 
@@ -16,8 +11,8 @@ use truepose_host::description::{Robot, RobotJoint};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::random::Random;
 
-use support::{folder, said, truepose};
-use synthetic::{CONVENTIONS, anywhere, arm, readings};
+use crate::support::{self, folder, said, truepose};
+use crate::synthetic::{CONVENTIONS, anywhere, arm, readings};
 
 /// A synthetic arm with a base anywhere, limits and masses.
 fn robot(convention: Convention, kinds: &str, parallel: &[usize], seed: u64) -> Robot {

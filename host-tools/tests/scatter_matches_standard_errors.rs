@@ -1,13 +1,6 @@
 //! Over 200 seeds of noise, estimates scatter as the reported standard errors say.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "what cannot be made in a test helper is a failed test"
-)]
-
-mod synthetic;
-
-use synthetic::{Seen, anywhere, arm, built, measured, problem};
+use crate::synthetic::{Seen, anywhere, arm, built, measured, problem};
 use truepose::Convention;
 use truepose_host::identify::unknown::Unknown;
 use truepose_host::identify::{Status, identify};

@@ -1,16 +1,10 @@
 //! `teach` puts what the methods polynomial and cmac need into the parameters, `compensate` uses
 //! it; and commands taught on one robot become those of another.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a test file that cannot be made is a failed test"
-)]
-mod support;
-
 use std::fs;
 use std::path::Path;
 
-use support::{blob, folder, robot, said, truepose, write_blob};
+use crate::support::{blob, folder, robot, said, truepose, write_blob};
 use truepose::effects::Conditions;
 
 const COMMANDS: &str = "q1,q2,q3,q4,q5,q6

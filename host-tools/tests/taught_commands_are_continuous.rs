@@ -1,22 +1,9 @@
 //! Commands from polynomials and tables along straight paths: through the wrist singularity,
 //! along and into a joint limit, into and out of the region that was taught.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#[path = "../../tests/support/path.rs"]
-mod path;
-#[path = "../../tests/support/puma.rs"]
-#[expect(
-    dead_code,
-    reason = "poses away from singularities are for other tests"
-)]
-mod puma;
-#[path = "../../tests/support/mod.rs"]
-#[expect(dead_code, reason = "random arms are for other tests")]
-mod support;
-
-use path::{in_plane, path};
-use puma::{blob, off};
-use support::Random;
+use crate::path::{in_plane, path};
+use crate::puma::{blob, off};
+use crate::random::Random;
 use truepose::Method;
 use truepose::budget::Budget;
 use truepose::compensate::{Compensator, Request, Status};

@@ -1,16 +1,9 @@
 //! Polynomials and tables of MRD 5.4: built as the book builds them, and as good as its
 //! examples say.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
-#[path = "../../tests/support/puma.rs"]
-#[expect(dead_code, reason = "poses of six joints are for other tests")]
-mod puma;
-#[path = "../../tests/support/mod.rs"]
-#[expect(dead_code, reason = "random arms are for other tests")]
-mod support;
-
+use crate::puma;
+use crate::random::Random;
 use nalgebra::{DMatrix, DVector, Vector3};
-use support::Random;
 use truepose::budget::Budget;
 use truepose::compensate::{Compensator, Request, Status};
 use truepose::effects::Conditions;

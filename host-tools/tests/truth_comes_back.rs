@@ -1,15 +1,8 @@
 //! Without noise the true arm comes back, whatever the convention, the joints, what was
 //! measured, and wherever the instrument stood.
 
-#![expect(
-    clippy::panic,
-    reason = "a fit that cannot be made in a test helper is a failed test"
-)]
-
-mod synthetic;
-
+use crate::synthetic::{CONVENTIONS, SIGMAS, Seen, anywhere, apart, arm, built, measured, problem};
 use nalgebra::Vector3;
-use synthetic::{CONVENTIONS, SIGMAS, Seen, anywhere, apart, arm, built, measured, problem};
 use truepose::{Convention, Pose};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::structure::{complete_count, structure};

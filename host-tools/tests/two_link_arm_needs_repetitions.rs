@@ -1,8 +1,6 @@
 //! Mooring, Roth and Driels' arm of two links: which pairs of poses observe it, and how often they
 //! have to be measured (4.5.5).
 
-#![expect(clippy::unwrap_used, reason = "helpers of tests stop the test")]
-
 use nalgebra::{DMatrix, Matrix2, Matrix4, Vector4};
 use truepose_host::observability::{Observability, Unobservable};
 use truepose_host::random::Random;

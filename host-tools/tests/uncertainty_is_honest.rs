@@ -1,15 +1,8 @@
 //! Errors on poses that no fit has seen are what the Cramer-Rao bound predicts, the covariance
 //! of the predicted tool is the scatter of the predictions, and the bootstrap agrees.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "what cannot be made in a test helper is a failed test"
-)]
-
-mod synthetic;
-
+use crate::synthetic::{SIGMAS, Seen, anywhere, arm, built, measured, problem};
 use nalgebra::{Matrix6, Vector3, Vector6};
-use synthetic::{SIGMAS, Seen, anywhere, arm, built, measured, problem};
 use truepose::Convention;
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::bootstrap::bootstrap;

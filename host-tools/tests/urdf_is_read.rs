@@ -1,10 +1,5 @@
 //! A URDF file stands in for a description.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a test file that cannot be made is a failed test"
-)]
-
 use std::fs;
 use std::path::{Path, PathBuf};
 

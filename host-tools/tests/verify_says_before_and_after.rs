@@ -1,15 +1,11 @@
 //! `verify` on measurements that are known to be so far from either model, and on poses that
 //! were measured several times.
 
-#![expect(clippy::unwrap_used, reason = "helpers of tests stop the test")]
-
-mod support;
-
 use std::fmt::Write as _;
 use std::path::Path;
 
+use crate::support::{folder, said, truepose, write_blob};
 use nalgebra::Vector3;
-use support::{folder, said, truepose, write_blob};
 use truepose::Pose;
 use truepose::effects::Conditions;
 use truepose_host::random::Random;

@@ -6,7 +6,7 @@ use truepose::params::{Blob, Description, Provenance};
 use truepose::taught::Taught;
 use truepose::{JointKind, Pose, Settings, StoredPose, Twist};
 
-use crate::support::Random;
+use crate::random::Random;
 
 /// A blob of an arm with `joints` joints whose parameters are off by a few mrad and tenths of
 /// a mm, as those of a real arm are.

@@ -12,7 +12,7 @@ use truepose::{
     forward,
 };
 
-use crate::support::Random;
+use crate::random::Random;
 
 /// Nominal PUMA 560 (the elbow of MRD table 6.1 in kind) without effects.
 pub(crate) fn nominal() -> Description {

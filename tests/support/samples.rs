@@ -1,7 +1,7 @@
 //! A sample of every effect, and arms and conditions at random to try them on.
 
 use crate::described::{Baked, Described, Given};
-use crate::support::Random;
+use crate::random::Random;
 use truepose::effects::{
     Ambient, AxisWobble, Backlash, BaseFlex, Bends, CrossAxisCompliance, Effect, Factor,
     GearEccentricity, GearRipple, GravityLever, Grows, JointCompliance, JointCoupling, JointCurve,

@@ -5,7 +5,7 @@ use truepose::taught::cmac::Layout;
 use truepose::taught::polynomial::{Block, terms};
 use truepose::taught::{Cmac, Polynomial, Region};
 
-use crate::support::Random;
+use crate::random::Random;
 
 /// Tables of nonsense that are sound: whatever they say, nothing may come of it.
 pub(crate) fn teach_nonsense(random: &mut Random, blob: &mut Blob<'static>) {

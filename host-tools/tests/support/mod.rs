@@ -1,12 +1,5 @@
 //! What the tests of the command share.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a command or file that cannot be made is a failed test"
-)]
-// Each test file uses its part of this.
-#![allow(dead_code, reason = "no test file uses all of it")]
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -1,8 +1,5 @@
 //! Arms drawn at random, built a little wrong, and measured.
 
-// Each test file uses its part of this.
-#![allow(dead_code, reason = "no test file uses all of it")]
-
 use std::f64::consts::PI;
 
 use nalgebra::Vector3;
