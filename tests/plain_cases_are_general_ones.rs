@@ -12,6 +12,14 @@ use truepose::{Method, Settings};
 /// Half the travel of each joint, rad.
 const TRAVEL: f64 = 2.0;
 
+/// Without a price, with one that is too small to be felt clear of singularities, and with one
+/// that is not.
+const REGULATED: [(Method, f64); 3] = [
+    (Method::InverseJacobian, 0.0),
+    (Method::Lqr, 1e-7),
+    (Method::Lqr, 1e-6),
+];
+
 /// Outcomes by the short and by the general way, and errors that they leave: weighted sum, and
 /// position (m) and orientation (rad) of the first.
 struct Both {
@@ -20,6 +28,8 @@ struct Both {
     left: [f64; 2],
     /// Of the error before and after each.
     norms: [f64; 3],
+    /// Length of the plain way, rad.
+    moved: f64,
     in_margin: bool,
 }
 
@@ -57,6 +67,13 @@ fn both(method: Method, iterations: u8, effort: f64) -> Vec<Both> {
             found.push(Both {
                 left: error(&first.q),
                 norms: [norm(&q), norm(&first.q), norm(&second.q)],
+                moved: first
+                    .q
+                    .iter()
+                    .zip(q)
+                    .map(|(p, q)| (p - q) * (p - q))
+                    .sum::<f64>()
+                    .sqrt(),
                 in_margin: q.iter().any(|q| q.abs() > TRAVEL * 0.96),
                 plain: first,
                 general: second,
@@ -74,9 +91,9 @@ fn apart(both: &Both) -> f64 {
 
 #[test]
 fn what_is_left_is_not_more_than_what_is_said() {
-    for method in [Method::InverseJacobian, Method::Lqr] {
+    for (method, effort) in REGULATED {
         for iterations in [1, 2, 8] {
-            for both in both(method, iterations, 1e-7) {
+            for both in both(method, iterations, effort) {
                 let said = both.plain.remaining.unwrap();
                 let [position, orientation] = both.left;
                 // Rounding; the orientation is told by the sine of its angle.
@@ -94,9 +111,9 @@ fn what_is_left_is_not_more_than_what_is_said() {
 
 #[test]
 fn both_end_at_the_same_joints() {
-    for method in [Method::InverseJacobian, Method::Lqr] {
+    for (method, effort) in REGULATED {
         let (mut converged, mut all) = (0, 0);
-        for both in both(method, 8, 1e-7) {
+        for both in both(method, 8, effort) {
             all += 1;
             if [both.plain, both.general]
                 .iter()
@@ -110,6 +127,24 @@ fn both_end_at_the_same_joints() {
         // Elsewhere a singularity keeps some of the error.
         assert!(converged * 10 > all * 4, "{converged} of {all}");
     }
+}
+
+/// Where a price begins to be felt no step jumps by more than a share of it: a 4096th for the
+/// price, `λ² / singular_value²` for the damping that comes with it.
+#[test]
+fn a_price_that_is_not_felt_is_not_missed() {
+    let begins = 0.03 * 0.03 / 4096.0;
+    let [unfelt, felt] = [0.999, 1.001].map(|share| both(Method::Lqr, 1, begins * share));
+    let mut differ = 0;
+    for (unfelt, felt) in unfelt.iter().zip(&felt) {
+        let joints = unfelt.plain.q.iter().zip(&felt.plain.q);
+        let apart = joints.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let bound = 1.0 / 4096.0 + 1e-7 / (0.03 * 0.03);
+        assert!(apart <= felt.moved * bound, "{apart:e} of {:e}", felt.moved);
+        differ += usize::from(apart > felt.moved * 1e-5);
+    }
+    // The others are in margins or near singularities, where the price is asked either way.
+    assert!(differ > 400, "{differ}");
 }
 
 /// One step of either way differs by the second order of the error alone, in limits' margins and

@@ -4,7 +4,8 @@
 //!
 //! For the regulator too, at commands clear of the margins in which it asks a price of its own
 //! of each joint: what is left is one price for all, which is a damping towards the command
-//! that came in. It solves the same problem by the same steps and so ends at the same joints.
+//! that came in. One that is so small that it could change no step by more than [`UNFELT`] of
+//! it is left out. It solves the same problem by the same steps and so ends at the same joints.
 //! What it saves is the frames, the effort, the damping, and the last evaluation: a step `p` of
 //! a chain of turns leaves
 //!
@@ -41,6 +42,10 @@ use super::{Compensator, Outcome, Request, Status, direct, lqr, spherical_wrist,
 use crate::budget::{Budget, Clock, PLAIN_ITERATIONS};
 use crate::model::Model;
 use crate::{JointKind, Method, Pose, Scalar, Settings, Twist};
+
+/// Share of a step up to which a regulator's price may change it without being asked. The cost
+/// is above its minimum by as small a share of what the step's effort costs.
+const UNFELT: f64 = 1.0 / 4096.0;
 
 /// What does not change from request to request.
 #[derive(Clone, Copy, Debug)]
@@ -145,12 +150,20 @@ impl<T: Scalar, const N: usize> Constants<T, N> {
             }
             _ => (T::zero(), T::zero()),
         };
+        let singular = settings.singular_value * settings.singular_value;
+        // Clear of singularities `|(W J)⁻¹|²` is at most one over this.
+        let clear = singular * if p < o { p * p } else { o * o };
+        let price = if price <= clear * T::of(UNFELT) {
+            T::zero()
+        } else {
+            price
+        };
         let damping = settings.damping + price;
         Some(Self {
             damping: [damping / (p * p), damping / (o * o)],
             priced: price / damping,
             weights: [p * p, o * o],
-            singular: settings.singular_value * settings.singular_value,
+            singular,
             reach,
             twice_reach: reach + reach,
             // What that is off by moves a point by less than an evaluation is rounded by.

@@ -1,9 +1,10 @@
 //! One step of a regulator that asks a price of its own of each joint: the plain case of a
 //! command in a margin, for which [`super::super::descent`] evaluates the model again and again.
 
+use super::super::damped::shared_multipliers;
 use super::super::descent::weighted;
 use super::super::rigid::{approach, turn_to};
-use super::super::step::damped_step;
+use super::super::solve::dot;
 use super::super::{Compensator, Request, Status, lqr};
 use super::{Plain, Squares, Work, bound, without};
 use crate::{Pose, Scalar};
@@ -61,15 +62,20 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             &mut prices,
         );
         let weights = [settings.position_weight, settings.orientation_weight];
-        let weighted_columns = columns.map(|column| weighted(&column, weights));
+        let mut weighted_columns = [[T::zero(); 6]; N];
+        for (weighted_column, column) in weighted_columns.iter_mut().zip(columns.iter()) {
+            *weighted_column = weighted(column, weights);
+        }
         let error = weighted(&rest.twist, weights);
-        *steps = damped_step(
-            &weighted_columns,
-            &error,
-            &prices,
-            &[T::zero(); N],
-            settings.damping,
-        );
+        // `p = S Jᵀ W (W J S Jᵀ W + μ I)⁻¹ W e`, `S = μ / (G + λ² I)`: of any μ the same step.
+        let mu = settings.damping + settings.effort;
+        for share in &mut prices {
+            *share = mu / (settings.damping + *share);
+        }
+        let (y, _) = shared_multipliers(&weighted_columns, &prices, mu, &error, false);
+        for (step, (column, share)) in steps.iter_mut().zip(weighted_columns.iter().zip(&prices)) {
+            *step = dot(column, &y) * *share;
+        }
         *q = request.q;
         let (mut way, mut left) = (T::zero(), rest.twist);
         for ((q, &step), column) in q.iter_mut().zip(steps.iter()).zip(columns.iter()) {

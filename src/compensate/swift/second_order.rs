@@ -10,8 +10,8 @@ use super::{Constants, Squares};
 use crate::{Scalar, Twist};
 
 /// How far the pose is off what the equations of the step `steps` say. Where that is too much,
-/// and no price is asked, a further step takes the second order away: it is added to `q`,
-/// `steps` and `way`, the sum of all.
+/// a further step takes the second order away: it is added to `q`, `steps` and `way`, the sum of
+/// all. A regulator's steps stay those of the linear equations.
 #[inline(never)]
 pub(super) fn second_order<T: Scalar, const N: usize>(
     constants: &Constants<T, N>,
@@ -31,7 +31,7 @@ pub(super) fn second_order<T: Scalar, const N: usize>(
     core::hint::black_box(());
     let mut off = squares.error();
     let mut mixed = T::zero();
-    if constants.priced.is_zero()
+    if !constants.regulator
         && let Some(left) = straighten(constants, columns, to_point, &second, steps, q, more, way)
     {
         mixed = left;

@@ -118,6 +118,15 @@ pub mod measured {
         compensator.correct(request, &mut Budget::cycles(&NoClock, 1 << 29))
     }
 
+    /// The same at a price that is felt. Again another budget.
+    #[inline(never)]
+    pub fn regulated_pose_at_a_price(
+        compensator: &mut Compensator<'_, f32, JOINTS>,
+        request: &Request<f32, JOINTS>,
+    ) -> Outcome<f32, JOINTS> {
+        compensator.correct(request, &mut Budget::cycles(&NoClock, 1 << 25))
+    }
+
     /// A pose of an arm with effects. Again another budget.
     #[inline(never)]
     pub fn pose_with_effects(
@@ -273,6 +282,10 @@ fn compensation(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Res
     )?;
     writeln!(
         out,
+        "regulated_pose_at_a_price: the same, 1e-5 asked of corrections in place of 1e-7, which is felt"
+    )?;
+    writeln!(
+        out,
         "pose_with_effects: a pose given, the model with six effects: a gain, two harmonics, three compliances"
     )?;
     writeln!(
@@ -290,6 +303,10 @@ fn compensation(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Res
         method: Method::Lqr,
         max_iterations: 1,
         ..model.settings
+    });
+    let mut dear = regulator.clone().with_settings(Settings {
+        effort: 1e-5,
+        ..*regulator.settings()
     });
     let mut compensator = Compensator::new(model);
     let mut once = Compensator::new(model).with_settings(Settings {
@@ -343,6 +360,11 @@ fn compensation(out: &mut dyn Write, model: &Model<'_, f32, JOINTS>) -> fmt::Res
         other.reset();
         black_box(&measured::pose_of_other_wrist(
             black_box(&mut other),
+            black_box(&request),
+        ));
+        dear.reset();
+        black_box(&measured::regulated_pose_at_a_price(
+            black_box(&mut dear),
             black_box(&request),
         ));
         bent.reset();
