@@ -13,6 +13,11 @@
 //! 5.3.5) it is repeated from where it led, with the exact error (5.145), until it settles:
 //! the minimum of the exact error with the same prices.
 //!
+//! A price that could change no step by more than a 4096th of it clear of singularities, of at
+//! most `singular_value² / 4096` times the square of the smaller weight, is not asked there and
+//! clear of the limits' margins, of a rigid arm of turns: the steps are the inverse Jacobian's
+//! then, and shorter (`regulated_pose` in `docs/COST.md`).
+//!
 //! Weights: `Q = diag(k2/|p|², .., 2 k1, ..)` of 5.170 is the square of
 //! [`crate::Settings::position_weight`] and [`crate::Settings::orientation_weight`].
 
