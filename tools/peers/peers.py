@@ -16,12 +16,14 @@ import pathlib
 import resource
 import subprocess
 import sys
+from typing import NamedTuple
 
 import numpy as np
 
-SEEDS, FITTED, JUDGED = 20, 100, 1000
+SEEDS, JUDGED = 20, 1000
 CHECKED = 30  # noisy rows more for truepose's own report, which no fit sees
-POSITION_SIGMA, ORIENTATION_SIGMA = 30e-6, 100e-6  # one standard deviation an axis
+ORIENTATION_SIGMA = 100e-6  # one standard deviation an axis
+EVALUATIONS = 60  # of residuals and derivatives for pybotics; some fits creep on for hundreds
 LENGTH, ANGLE = 0.3e-3, 1e-3  # deviations of the arm, one standard deviation
 PLACED = 2e-3  # of base and tool, m and rad
 
@@ -44,6 +46,28 @@ ARMS = {
     "mdh": "deviations of alpha, a, theta and d alone",
 }
 KINDS = {"position": 3, "pose": 6}  # equations a row
+PYBOTICS = ["pybotics", "pybotics, component"]
+FIGAROH = ["figaroh, structural", "figaroh, excitation"]
+PRIORS = ["truepose, minimum-variance", "figaroh, map", "figaroh, map_cv"]
+
+
+class Study(NamedTuple):
+    """An arm of ARMS, what is measured, rows to fit, noise of positions, who fits."""
+
+    arm: str
+    kind: str
+    rows: int
+    sigma: float
+    ways: list[str]
+
+
+STUDIES = {
+    "position": Study("any", "position", 100, 30e-6, ["truepose"] + PYBOTICS + FIGAROH),
+    "pose": Study("any", "pose", 100, 30e-6, ["truepose"] + FIGAROH),
+    "position-mdh": Study("mdh", "position", 100, 30e-6, ["truepose"] + PYBOTICS + FIGAROH),
+    "pose-mdh": Study("mdh", "pose", 100, 30e-6, ["truepose"] + FIGAROH),
+    "few": Study("any", "position", 20, 500e-6, ["truepose"] + FIGAROH + PRIORS),
+}
 
 
 # --- forward model, all rows at once: matrices of shape (rows, 4, 4) or (4, 4)
@@ -112,7 +136,7 @@ def rotation_vector(r):
     return np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], 1) / 2
 
 
-def floor(arm, q, judged, kind):
+def floor(arm, q, judged, study):
     """Least rms error of the tool point at `judged` that any unbiased fit of all displacements has."""
 
     def jacobian(q):
@@ -126,8 +150,9 @@ def floor(arm, q, judged, kind):
             columns.append(np.hstack([(one - other)[:, :3, 3], turn]) / 2e-6)
         return np.stack(columns, 2)
 
-    noise = np.array([POSITION_SIGMA] * 3 + [ORIENTATION_SIGMA] * 3)[: KINDS[kind]]
-    fitted = (jacobian(q)[:, : KINDS[kind]] / noise[:, None]).reshape(-1, 6 * (JOINTS + 2))
+    seen = KINDS[study.kind]
+    noise = np.array([study.sigma] * 3 + [ORIENTATION_SIGMA] * 3)[:seen]
+    fitted = (jacobian(q)[:, :seen] / noise[:, None]).reshape(-1, 6 * (JOINTS + 2))
     _, s, v = np.linalg.svd(fitted, full_matrices=False)
     seen = s > 1e-7 * s[0]
     spread = jacobian(judged)[:, :3] @ (v[seen].T / s[seen])
@@ -200,37 +225,38 @@ limits_deg = [{limits[0]:.10g}, {limits[1]:.10g}]
     (directory / "arm.urdf").write_text('<robot name="arm">\n' + "\n".join(links) + "\n</robot>\n")
 
 
-def cases(directory):
-    for arm, kind, seed in itertools.product(ARMS, KINDS, range(SEEDS)):
-        yield arm, kind, directory / f"{arm}-{kind}-{seed}"
+def cases(directory, name):
+    return [directory / f"{name}-{seed}" for seed in range(SEEDS)]
 
 
 def simulate(directory):
     directory.mkdir(parents=True, exist_ok=True)
     write_robot(directory)
     q_columns = [f"q{k + 1}" for k in range(JOINTS)]
-    for arm, kind, case in cases(directory):
+    for (name, study), seed in itertools.product(STUDIES.items(), range(SEEDS)):
+        case = cases(directory, name)[seed]
         case.mkdir(exist_ok=True)
-        random = np.random.default_rng([list(ARMS).index(arm), int(case.name.rsplit("-", 1)[1])])
-        true = true_arm(arm, random)
-        rows = FITTED + CHECKED
+        random = np.random.default_rng([list(ARMS).index(study.arm), seed])
+        true = true_arm(study.arm, random)
+        rows = study.rows + CHECKED
         q, judged = joints(random, rows), joints(random, JUDGED)
         t = tool_poses(*true, q)
-        position = t[:, :3, 3] + random.normal(size=(rows, 3)) * POSITION_SIGMA
+        position = t[:, :3, 3] + random.normal(size=(rows, 3)) * study.sigma
         tilt = [placed(0, 0, 0, *w) for w in random.normal(size=(rows, 3)) * ORIENTATION_SIGMA]
         rotation = t[:, :3, :3] @ np.array(tilt)[:, :3, :3]
-        best, rank = floor(true, q[:FITTED], judged, kind)
+        best, rank = floor(true, q[: study.rows], judged, study)
         nominal = tool_poses(*drawn(), judged)[:, :3, 3]
         actual = tool_poses(*true, judged)[:, :3, 3]
-        np.savez(case / "truth.npz", q=q[:FITTED], position=position[:FITTED], judged=judged, actual=actual)
+        fitted = {"q": q[: study.rows], "position": position[: study.rows]}
+        np.savez(case / "truth.npz", **fitted, judged=judged, actual=actual)
         (case / "floor.json").write_text(json.dumps({"rms": best, "rank": rank, **errors(nominal, actual)}))
 
-        pose = kind == "pose"
+        pose = study.kind == "pose"
         columns = q_columns + ["x", "y", "z"] + ["qw", "qx", "qy", "qz"] * pose + ["set"]
         seen = np.hstack([q, position, quaternions(rotation)] if pose else [q, position])
-        sets = ["identify"] * FITTED + ["verify"] * CHECKED
+        sets = ["identify"] * study.rows + ["verify"] * CHECKED
         write_csv(case / "data.csv", columns, [[*row, of] for row, of in zip(seen, sets)])
-        sigmas = f"position_sigma_mm = {1e3 * POSITION_SIGMA}\n"
+        sigmas = f"position_sigma_mm = {1e3 * study.sigma}\n"
         sigmas += f"orientation_sigma_deg = {np.rad2deg(ORIENTATION_SIGMA)}\n" * pose
         (case / "data.toml").write_text(sigmas)
         zeros = np.zeros((JUDGED, 3))
@@ -238,7 +264,7 @@ def simulate(directory):
         names = ["x1", "y1", "z1"] + ["phix1", "phiy1", "phiz1"] * pose
         names += [f"joint_{k + 1}" for k in range(JOINTS)]
         seen = np.hstack([position, roll_pitch_yaw(rotation), q] if pose else [position, q])
-        write_csv(case / "figaroh.csv", names, seen[:FITTED])
+        write_csv(case / "figaroh.csv", names, seen[: study.rows])
 
 
 def errors(predicted, actual):
@@ -255,10 +281,10 @@ def cpu(who=resource.RUSAGE_SELF):
 # --- the tools
 
 
-def fit_truepose(case, kind, truth, program):
+def fit_truepose(case, study, truth, program, *options):
     before = cpu(resource.RUSAGE_CHILDREN)
     command = [program, "identify", "--robot", case.parent / "arm.toml", "--data", case / "data.csv"]
-    command += ["--out", case / "arm.tpb", "--json", case / "report.json"]
+    command += ["--out", case / "arm.tpb", "--json", case / "report.json", *options]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     seconds = cpu(resource.RUSAGE_CHILDREN) - before
     command = [program, "predict", "--params", case / "arm.tpb", "--data", case / "judged.csv"]
@@ -269,7 +295,7 @@ def fit_truepose(case, kind, truth, program):
     return predicted, seconds, status.count("identified"), len(status) - status.count("identified")
 
 
-def fit_pybotics(case, kind, truth, residual):
+def fit_pybotics(case, study, truth, _, residual):
     """As its example notebook does, with all parameters free but the tool's turn. mm, as its models.
 
     `residual`: "distance" is pybotics' own, "component" ours, from its forward kinematics.
@@ -293,6 +319,7 @@ def fit_pybotics(case, kind, truth, residual):
         components if residual == "component" else optimize_accuracy,
         handler.generate_optimization_vector(),
         args=(handler, truth["q"], 1e3 * truth["position"]),
+        max_nfev=EVALUATIONS,
     )
     seconds = cpu() - before
     handler.apply_optimization_vector(found.x)
@@ -300,7 +327,7 @@ def fit_pybotics(case, kind, truth, residual):
     return predicted, seconds, len(found.x), 0
 
 
-def fit_figaroh(case, kind, truth, method):
+def fit_figaroh(case, study, truth, _, method):
     """A subclass of its BaseCalibration with the cost function that its documentation asks for."""
     import logging
 
@@ -309,13 +336,13 @@ def fit_figaroh(case, kind, truth, method):
     from figaroh.tools.robot import Robot
 
     logging.disable(logging.INFO)
-    seen = [True] * KINDS[kind] + [False] * (6 - KINDS[kind])
+    seen = [k < KINDS[study.kind] for k in range(6)]
     task = {
         # the cost function's residuals have unit noise
         "parameters": {"calibration_level": "full_params", "estimation": {"method": method, "noise_std": 1.0}},
         "kinematics": {"base_frame": "universe", "tool_frame": "tool"},
         "measurements": {"markers": [{"name": "tool", "measurable_dof": seen}], "poses": {"base_pose": [0.0] * 6}},
-        "data": {"source_file": str(case / "figaroh.csv"), "number_of_samples": FITTED},
+        "data": {"source_file": str(case / "figaroh.csv"), "number_of_samples": study.rows},
     }
     active = {"active_joints": [f"joint_{k + 1}" for k in range(JOINTS)]}
     robot = {"name": "arm", "properties": {"joints": active}}
@@ -326,7 +353,7 @@ def fit_figaroh(case, kind, truth, method):
         def cost_function(self, var):
             estimated = calc_updated_fkm(self.model, self.data, var, self.q_measured, self.calib_config)
             residuals = self._compute_logmap_residuals(self.PEE_measured, estimated)
-            return self.apply_measurement_weighting(residuals, 1 / POSITION_SIGMA, 1 / ORIENTATION_SIGMA)
+            return self.apply_measurement_weighting(residuals, 1 / study.sigma, 1 / ORIENTATION_SIGMA)
 
     calibration = Calibration(Robot(str(case.parent / "arm.urdf"), str(case.parent)), str(config))
     calibration.calib_config["known_baseframe"] = False
@@ -344,48 +371,52 @@ def fit_figaroh(case, kind, truth, method):
     return predicted.reshape(3, -1).T, seconds, len(found.x), len(named)
 
 
+MINIMUM_VARIANCE = ["--estimator", "minimum-variance", "--prior-mm", "1", "--prior-deg", "0.1"]
 WAYS = {
-    "truepose": (fit_truepose, KINDS, None),
-    "pybotics": (fit_pybotics, ["position"], "distance"),
-    "pybotics, component": (fit_pybotics, ["position"], "component"),
-    "figaroh, structural": (fit_figaroh, KINDS, "structural"),
-    "figaroh, excitation": (fit_figaroh, KINDS, "excitation"),
+    "truepose": (fit_truepose, []),
+    "truepose, minimum-variance": (fit_truepose, MINIMUM_VARIANCE),
+    "pybotics": (fit_pybotics, ["distance"]),
+    "pybotics, component": (fit_pybotics, ["component"]),
+    "figaroh, structural": (fit_figaroh, ["structural"]),
+    "figaroh, excitation": (fit_figaroh, ["excitation"]),
+    "figaroh, map": (fit_figaroh, ["map"]),
+    "figaroh, map_cv": (fit_figaroh, ["map_cv"]),
 }
 
 
 def fit(directory, tool, program):
-    for name, (function, kinds, how) in WAYS.items():
-        for _, kind, case in cases(directory):
-            if name.split(",")[0] == tool and kind in kinds:
+    for name, study in STUDIES.items():
+        for case, way in itertools.product(cases(directory, name), study.ways):
+            if way.split(",")[0] == tool:
+                function, how = WAYS[way]
                 truth = np.load(case / "truth.npz")
-                predicted, *figures = function(case, kind, truth, how or program)
+                predicted, *figures = function(case, study, truth, program, *how)
                 result = dict(zip(["seconds", "fitted", "named"], figures))
                 result.update(errors(predicted, truth["actual"]))
-                (case / f"{name}.json").write_text(json.dumps(result))
+                (case / f"{way}.json").write_text(json.dumps(result))
 
 
 def table(directory):
-    for (arm, says), kind in itertools.product(ARMS.items(), KINDS):
-        all_of = [case for a, k, case in cases(directory) if (a, k) == (arm, kind)]
+    for name, study in STUDIES.items():
 
-        def read(name, key):
-            return np.array([json.loads((case / f"{name}.json").read_text())[key] for case in all_of])
+        def read(way, key):
+            files = [case / f"{way}.json" for case in cases(directory, name)]
+            return np.array([json.loads(file.read_text())[key] for file in files])
 
-        def rms(name, key="error_rms"):
-            return 1e6 * np.sqrt((read(name, key) ** 2).mean())
+        def rms(way, key="error_rms"):
+            return 1e6 * np.sqrt((read(way, key) ** 2).mean())
 
         least, rank = rms("floor", "rms"), read("floor", "rank")[0]
-        print(f"\n{kind.capitalize()}s; {says}. As drawn {rms('floor') / 1e3:.2f} mm rms; ", end="")
-        print(f"floor {least:.1f} um, {rank} parameters.\n")
+        print(f"\n{study.rows} {study.kind}s, noise {1e6 * study.sigma:.0f} um, {ARMS[study.arm]}: ", end="")
+        print(f"as drawn {rms('floor') / 1e3:.2f} mm rms, floor {least:.1f} um, {rank} parameters to tell.\n")
         print("| | rms, um | over the floor | most, um | fitted | named as not seen | processor time |")
         print("| --- | --- | --- | --- | --- | --- | --- |")
-        for name, (_, kinds, _) in WAYS.items():
-            if kind in kinds:
-                cells = [f"{rms(name):.1f}", f"{rms(name) / least:.2f}", f"{1e6 * read(name, 'error_max').max():.0f}"]
-                for key in "fitted", "named":
-                    cells.append("-".join(str(n) for n in dict.fromkeys(np.sort(read(name, key))[[0, -1]])))
-                cells.append(f"{np.median(read(name, 'seconds')) / np.median(read('truepose', 'seconds')):.3g}")
-                print(f"| {name} | {' | '.join(cells)} |")
+        for way in study.ways:
+            cells = [f"{rms(way):.1f}", f"{rms(way) / least:.2f}", f"{1e6 * read(way, 'error_max').max():.0f}"]
+            for key in "fitted", "named":
+                cells.append("-".join(str(n) for n in dict.fromkeys(np.sort(read(way, key))[[0, -1]])))
+            cells.append(f"{np.median(read(way, 'seconds')) / np.median(read('truepose', 'seconds')):.3g}")
+            print(f"| {way} | {' | '.join(cells)} |")
 
 
 if __name__ == "__main__":
