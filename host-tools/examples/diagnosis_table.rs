@@ -379,7 +379,11 @@ fn chances(diagnosis: &Diagnosis) -> String {
         .opponent
         .as_ref()
         .map_or(f64::NAN, |o| o.ln_p.exp());
-    format!("white {white:.3}, unseen {unseen:.4}, bent {bent:.1e}, opponent {opponent:.1e}")
+    let friction = diagnosis.friction.map_or(f64::NAN, |f| f.ln_odds);
+    format!(
+        "white {white:.3}, unseen {unseen:.4}, bent {bent:.1e}, opponent {opponent:.1e}, \
+         friction ln {friction:.1}"
+    )
 }
 
 fn at(sorted: &[f64], share: f64) -> f64 {

@@ -9,6 +9,7 @@ use super::curve::{self, Smoothness};
 use super::exchange::EVIDENT;
 use super::hypothesis::{Hypothesis, Members, YIELDS, curves};
 use super::model::Extended;
+use super::rivals::bic;
 use super::search::{ALPHA, Ranked, Search, Step};
 use super::sensible::sensible;
 use super::smoothness::Evidence;
@@ -147,7 +148,15 @@ impl Search<'_> {
                 let group = candidates[order[g]].joint.is_none();
                 let fits = with(&candidates[order[g]]).is_some_and(|trial| {
                     let last = trial.accepted.len() - 1;
-                    !group || self.pruned(trial, last).effects_of(last).len() > 1
+                    if !group {
+                        return true;
+                    }
+                    // as many joints as the other has values are not plainer than it: the rows
+                    // decide
+                    let pruned = self.pruned(trial, last);
+                    let left = pruned.effects_of(last).len();
+                    let worse = || bic(self, &pruned) - bic(self, &own) > EVIDENT;
+                    left > candidate.len() || left > 1 && !worse()
                 });
                 // of one wobble in two frames the one in the joint's own may have two more
                 // parameters, which cost a little on every row

@@ -6,6 +6,7 @@
 
 use truepose::effects::{Effect, Kind, Needs, ONE, Place, Variable};
 
+use super::friction::Friction;
 use super::hypothesis::{Hypothesis, Members};
 use super::proportion::Disproportion;
 use super::unnamed::terms;
@@ -15,6 +16,7 @@ pub(super) fn doubt(
     accepted: &[Hypothesis],
     index: usize,
     disproportion: Option<&Disproportion>,
+    friction: Option<Friction>,
 ) -> Option<String> {
     let own = accepted.get(index)?;
     if own.kind == "unnamed" {
@@ -25,6 +27,9 @@ pub(super) fn doubt(
             "it does not stay in proportion to its cause: it changes with {}",
             bent.with
         ));
+    }
+    if let Some(sticks) = friction.filter(|f| f.likelier && f.index == index) {
+        return Some(sticks.in_words());
     }
     let (joints, drivers) = (joints(own), drivers(own));
     terms(accepted).into_iter().find_map(|term| {

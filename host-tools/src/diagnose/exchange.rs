@@ -72,9 +72,6 @@ impl Search<'_> {
     }
 
     fn exchange_once(&mut self, model: &Extended) -> Option<Extended> {
-        if model.accepted.len() < 2 {
-            return None;
-        }
         let nameless = !terms(&model.accepted).is_empty();
         for (index, accepted) in model.accepted.iter().enumerate() {
             if matches!(accepted.members, Members::Curve(_)) {
@@ -142,12 +139,15 @@ impl Search<'_> {
             (error(these), error(those));
         let more = |with: &[f64], without: &[f64]| with.iter().sum::<f64>() < without.iter().sum();
         let more = more(&at_random, &other_at_random) && more(&in_space, &other_in_space);
-        // gravity on joints, which engineers expect, gives way as it comes in: where rows tell
+        // gravity on several joints, which engineers expect, gives way as it comes in: where rows
+        // tell; as many joints as the other has values are not what they expect
+        let values = these.iter().map(|h| h.len()).sum();
+        let expected = |h: &&Hypothesis| is_gravity_on_joints(h) && h.len() > values;
         let against = Comparison {
             without: other_at_random,
             with: at_random,
         };
-        more && (against.t() > 2.0 || !those.iter().any(|h| is_gravity_on_joints(h)))
+        more && (against.t() > 2.0 || !those.iter().any(expected))
     }
 
     /// What else could stand in the place of an accepted hypothesis. `nameless`: terms without

@@ -8,8 +8,8 @@ use super::rivals::bic;
 use super::search::{Search, is_same_name};
 use super::sensible::sensible;
 
-/// Cosine from which two explanations are one direction in these poses.
-const ONE: f64 = 0.99;
+/// Cosine from which two explanations are nearly one direction in these poses.
+const ONE: f64 = 0.9;
 
 impl Search<'_> {
     /// Every effect by the likeliest of the names that these poses cannot tell apart; `None`

@@ -38,10 +38,10 @@ pub struct Disproportion {
 
 /// A fitted displacement.
 #[derive(Clone)]
-struct Part {
+pub(super) struct Part {
     /// Which of the accepted hypotheses.
-    index: usize,
-    joint: Option<usize>,
+    pub(super) index: usize,
+    pub(super) joint: Option<usize>,
     /// One entry a posture: a row has one, a distance between two poses has two.
     pieces: Vec<Piece>,
 }
@@ -61,7 +61,7 @@ struct Piece {
 
 impl Part {
     /// Its column with a factor at every posture.
-    fn times(&self, equations: usize, factors: &[f64]) -> DVector<f64> {
+    pub(super) fn times(&self, equations: usize, factors: &[f64]) -> DVector<f64> {
         let mut column = DVector::zeros(equations);
         for (piece, factor) in self.pieces.iter().zip(factors) {
             let mut rows = column.rows_mut(piece.start, piece.column.len());
@@ -70,7 +70,7 @@ impl Part {
         column
     }
 
-    fn sizes(&self) -> Vec<f64> {
+    pub(super) fn sizes(&self) -> Vec<f64> {
         self.pieces.iter().map(|p| p.size).collect()
     }
 }
@@ -183,7 +183,7 @@ fn together(parts: &[Part]) -> Vec<Part> {
 }
 
 /// What was named, as fitted: what one name does to one joint is one part.
-fn parts(model: &Extended, observations: &[&Observation], sigmas: Sigmas) -> Vec<Part> {
+pub(super) fn parts(model: &Extended, observations: &[&Observation], sigmas: Sigmas) -> Vec<Part> {
     let mut parts = Vec::new();
     for (index, hypothesis) in model.accepted.iter().enumerate() {
         if let Members::Effects(effects) = &hypothesis.members

@@ -6,6 +6,7 @@ use super::addition::drifts;
 use super::clock::count_rows;
 use super::control::{Control, control};
 use super::doubt::doubt;
+use super::friction::{Friction, friction};
 use super::hypothesis::Members;
 use super::model::Extended;
 use super::noise::estimated;
@@ -77,6 +78,8 @@ pub struct Diagnosis {
     pub whiteness: Option<Whiteness>,
     /// The named effect that follows its cause least in proportion.
     pub disproportion: Option<Disproportion>,
+    /// Friction in the place of a joint that gives way.
+    pub friction: Option<Friction>,
     /// What a term without a name still sees beside the names.
     pub opponent: Option<Opponent>,
     /// Rows that no fit has seen, against those of the fit.
@@ -102,7 +105,8 @@ impl Diagnosis {
         let worse = self.unseen.is_some_and(|u| u.worse);
         let bent = self.disproportion.as_ref().is_some_and(|d| d.bent);
         let beaten = self.opponent.as_ref().is_some_and(|o| o.stronger);
-        if nameless || structure || worse || bent || beaten || self.withdrawn {
+        let sticks = self.friction.is_some_and(|f| f.likelier);
+        if nameless || structure || worse || bent || sticks || beaten || self.withdrawn {
             Answer::StructureRemains
         } else if self.named.is_empty() {
             Answer::NothingMissing
@@ -184,6 +188,7 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
     let (thin, thin_verify) = (thinned(&kept), thinned(&verify));
     let disproportion = disproportion(&model, &thin, &thin_verify, sigmas);
     let opponent = opponent(&model, &thin, &thin_verify, sigmas);
+    let friction = friction(&model, &thin, &thin_verify, sigmas);
     let complete = deployable(&model.arm);
     let mut named = Vec::new();
     let mut ambiguous = false;
@@ -213,7 +218,7 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
             rms: [before, after],
             rivals,
             control: control(&search, &found.model, index, &problem),
-            doubt: doubt(&model.accepted, index, disproportion.as_ref()),
+            doubt: doubt(&model.accepted, index, disproportion.as_ref(), friction),
         });
         before = after;
     }
@@ -236,6 +241,7 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
         named,
         whiteness,
         disproportion,
+        friction,
         opponent,
         unseen,
         blocks,

@@ -21,9 +21,9 @@ pub enum Blocks {
     Space,
 }
 
-/// Beyond the readings of all other folds by more than this share of their range, a row lies
+/// Beyond the readings of all other rows by more than this share of their range, a row lies
 /// apart.
-const APART: f64 = 0.5;
+pub(super) const APART: f64 = 0.5;
 
 /// The same with rows that lie apart from all other folds dealt out to all of them; `None` where
 /// there are none. What a fold that holds all of them would be predicted from cannot choose

@@ -107,6 +107,15 @@ fn reasons(diagnosis: &Diagnosis, report: &Report) -> Vec<String> {
             significant(bent.ln_p.exp())
         ));
     }
+    if let Some(sticks) = diagnosis.friction.filter(|f| f.likelier) {
+        let named = diagnosis.named.get(sticks.index);
+        reasons.push(format!(
+            "{}: {} (odds {} to 1)",
+            named.map_or_else(String::new, |n| n.step.hypothesis.label()),
+            sticks.in_words(),
+            significant(sticks.ln_odds.exp())
+        ));
+    }
     if let Some(opponent) = diagnosis.opponent.as_ref().filter(|o| o.stronger) {
         reasons.push(format!(
             "beside the names there is something like: {} (chance {}, rows that no fit has seen \

@@ -7,6 +7,7 @@ use truepose::Twist;
 use super::placing::middle;
 use super::{Finding, Kind};
 use crate::diagnose::chance::ln_chi_square;
+use crate::diagnose::validate::APART;
 use crate::diagnose::whiteness::projected::Projected;
 use crate::diagnose::whiteness::shapes::own_functions;
 use crate::identify::Stage;
@@ -315,6 +316,19 @@ fn commands(
     })
 }
 
+/// Whether row `i` lies among the readings of `others`, or beyond them by no more than a fold of
+/// rows that are held back may.
+fn near(rows: &[&Observation], others: &[usize], i: usize) -> bool {
+    rows[i].q.iter().enumerate().all(|(j, q)| {
+        let readings = others.iter().map(|&k| rows[k].q[j]);
+        let [low, high] = readings.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| {
+            [a.min(x), b.max(x)]
+        });
+        let margin = APART * (high - low);
+        *q >= low - margin && *q <= high + margin
+    })
+}
+
 fn instrument(
     problem: &Problem,
     fitted: &Projected,
@@ -353,6 +367,14 @@ fn instrument(
         }
     }
     let (gain, at, session) = best?;
+    // what the arm does in poses that nothing before came near is no placement
+    let (later, earlier): (Vec<usize>, Vec<usize>) = (0..n)
+        .filter(|&i| rows[i].session == session)
+        .partition(|&i| i >= at);
+    let known = later.iter().filter(|&&i| near(rows, &earlier, i)).count();
+    if known < LEAST_SIDE {
+        return None;
+    }
     let gain = gain.min(total);
     let ln_p = ln_chance(total, gain, left, 6) + (n as f64).ln();
     let factor = (total / (total - gain).max(f64::MIN_POSITIVE)).sqrt();
