@@ -81,7 +81,7 @@ impl Search<'_> {
                 continue;
             };
             let own = rivals.own;
-            if !sensible(model, index) {
+            if model.accepted.len() > 1 && !sensible(model, index) {
                 // others have made it larger than a machine can have
                 self.refused.push(accepted.clone());
                 return Some(rivals.without);
