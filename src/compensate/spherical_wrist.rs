@@ -17,6 +17,7 @@ pub struct SphericalWrist<'m, T: Scalar> {
 
 /// Whether six joints turn, the last three axes meet in a point, the second and third are
 /// parallel, and the others are not, to the tolerance `tiny` (m or rad).
+#[inline(never)]
 pub(super) fn fits<T: Scalar>(joints: &[BakedJoint<T>], tiny: T) -> bool {
     let [first, second, _, fourth, fifth, _] = joints else {
         return false;
