@@ -21,12 +21,13 @@ pub(super) const RELATIVE: f64 = 1e-9;
 /// taken over whole blocks in their order, so no result depends on the number of threads.
 pub(super) const BLOCK: usize = 256;
 
-/// Rows of each block where there are `rows` in all: one block, or the least even number of
-/// blocks that hold them, all of one size, so that two threads have the same to do.
+/// Rows of each block where there are `rows` in all: one block, or the least multiple of four
+/// that holds them, all of one size. Two threads have the same to do then, and one that was
+/// asleep still finds something.
 pub(super) fn block(rows: usize) -> usize {
     let blocks = match rows.div_ceil(BLOCK) {
         0 | 1 => 1,
-        more => more.next_multiple_of(2),
+        more => more.next_multiple_of(4),
     };
     rows.div_ceil(blocks).max(1)
 }
