@@ -17,33 +17,52 @@ const NEIGHBOURS: usize = 10;
 /// is gross, more are so once in a thousand times; a region that fits badly holds more.
 const BAD_NEIGHBOURS: usize = 3;
 
-/// Indices of the rows that stand apart by their [`misfit`], ascending, at most a tenth of all.
+/// Indices of the rows that stand apart by their [`misfit`], ascending, at most a tenth of all, or
+/// a fifth where more are wrong.
 ///
 /// What the model lacks makes tails, and rows in the tails are what shows it. So the worst
 /// tenth and not the median is the yardstick, and a row is only gross if the arm fits well
-/// in its neighbourhood: what the arm does at a posture its neighbours do as well.
+/// in its neighbourhood: what the arm does at a posture its neighbours do as well. Where more rows
+/// than that are wrong, the worst fifth is ([`many`]).
 pub fn gross(
     arm: &ArmModel,
     observations: &[&Observation],
     sigmas: Sigmas,
     misfit: &[f64],
 ) -> Vec<usize> {
-    let tenth = worst_tenth(misfit);
+    let many = many(observations, misfit);
+    let (yardstick, most) = many.unwrap_or((worst(misfit, 10), misfit.len() / 10));
     let suspicious: Vec<usize> = (0..misfit.len())
-        .filter(|&i| misfit[i] > APART * tenth && misfit[i] > 1.0)
+        .filter(|&i| misfit[i] > APART * yardstick && misfit[i] > 1.0)
         .collect();
     if suspicious.is_empty() {
         return suspicious;
     }
     let levers = levers(arm, observations, sigmas);
-    let mut worst: Vec<usize> = suspicious
+    let mut apart: Vec<usize> = suspicious
         .into_iter()
         .filter(|&i| misfit[i] > APART * around(i, observations, &levers, misfit))
         .collect();
-    worst.sort_by(|&a, &b| misfit[b].total_cmp(&misfit[a]).then(a.cmp(&b)));
-    worst.truncate(misfit.len() / 10);
-    worst.sort_unstable();
-    worst
+    apart.sort_by(|&a, &b| misfit[b].total_cmp(&misfit[a]).then(a.cmp(&b)));
+    apart.truncate(most);
+    apart.sort_unstable();
+    apart
+}
+
+/// Where more than a tenth of the rows stand above the best of the worst fifth, scattered over the
+/// file: that best one, and how many stand above it. Rows that follow each other are off for a
+/// reason: the instrument was moved, or the arm has changed.
+fn many(observations: &[&Observation], misfit: &[f64]) -> Option<(f64, usize)> {
+    let fifth = worst(misfit, 5);
+    let mut apart: Vec<(usize, bool)> = observations
+        .iter()
+        .zip(misfit)
+        .map(|(o, &size)| (o.row, size > APART * fifth))
+        .collect();
+    apart.sort_unstable();
+    let above = apart.iter().filter(|(_, is)| *is).count();
+    let follow = apart.windows(2).filter(|w| w[0].1 && w[1].1).count();
+    (above > misfit.len() / 10 && 2 * follow < above).then_some((fifth, above))
 }
 
 /// How many times (squared) a row stands above the best of the worst tenth where gross rows may
@@ -53,7 +72,7 @@ const SUSPICIOUS: f64 = 6.0;
 /// True where some row is so far off that gross rows may hide, one pulling the fit from another.
 pub fn may_hide(misfit: &[f64]) -> bool {
     let largest = misfit.iter().copied().fold(0.0, f64::max);
-    largest > SUSPICIOUS * worst_tenth(misfit)
+    largest > SUSPICIOUS * worst(misfit, 10)
 }
 
 /// The rows with weights by Cauchy's loss: how much each pulls a fit, the farther off the less.
@@ -71,11 +90,12 @@ pub fn softened(arm: &ArmModel, observations: &[&Observation], sigmas: Sigmas) -
     weighted.collect()
 }
 
-/// The best of the worst tenth.
-fn worst_tenth(misfit: &[f64]) -> f64 {
+/// The best of the worst of `parts` parts.
+fn worst(misfit: &[f64], parts: usize) -> f64 {
     let mut sorted = misfit.to_vec();
     sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() * 9 / 10).copied().unwrap_or(0.0)
+    let place = sorted.len() * (parts - 1) / parts;
+    sorted.get(place).copied().unwrap_or(0.0)
 }
 
 /// Rows of `unseen`, by their number in the file, that stand apart under the complete model and
@@ -94,7 +114,7 @@ pub fn gross_unseen(
     let all: Vec<&Observation> = fitted.iter().chain(unseen).copied().collect();
     let apart = gross(complete, &all, sigmas, &misfit(complete, &all, sigmas));
     let before = misfit(geometric, &all, sigmas);
-    let tenth = worst_tenth(&before);
+    let tenth = worst(&before, 10);
     apart
         .into_iter()
         .filter(|&i| i >= fitted.len() && before[i] >= tenth)
