@@ -23,7 +23,7 @@ const BAD_NEIGHBOURS: usize = 3;
 /// What the model lacks makes tails, and rows in the tails are what shows it. So the worst
 /// tenth and not the median is the yardstick, and a row is only gross if the arm fits well
 /// in its neighbourhood: what the arm does at a posture its neighbours do as well. Where more rows
-/// than that are wrong, the worst fifth is ([`many`]).
+/// than that are wrong, the worst fifth is.
 pub fn gross(
     arm: &ArmModel,
     observations: &[&Observation],
