@@ -42,8 +42,9 @@ fn elbow(off: &mut dyn FnMut(f64) -> f64) -> Description {
 }
 
 /// Table 5.2: errors of 5.5 to 6.8 mm fall by about 40 to 1, in four to six iterations, each a
-/// step of the nominal arm's compensator from the error that the true arm has, ended when a joint's step is below its resolution. (The printed
-/// deviations are not given; these are random and as large.)
+/// step of the nominal arm's compensator from the error that the true arm has, ended when every
+/// joint's step is below its resolution. (The printed deviations are not given; these are random
+/// and as large.)
 #[test]
 fn errors_fall_forty_times_in_a_few_iterations() {
     const RESOLUTION: f64 = 1e-4;
