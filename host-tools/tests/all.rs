@@ -32,6 +32,7 @@ mod measurements_are_read;
 mod measurements_of_every_kind_are_read;
 mod observability_indices_follow_their_papers;
 mod outputs_are_whole;
+mod parameters_are_held_or_free;
 mod parameters_reach_a_controller;
 mod plan_chooses_telling_poses;
 mod plan_tells_explanations_apart;

@@ -8,12 +8,13 @@ use truepose_host::diagnose::input::{self, Finding};
 use truepose_host::diagnose::{Diagnosis, diagnose};
 use truepose_host::error::Error;
 use truepose_host::identify::Failure;
-use truepose_host::identify::readings::identify_file;
+use truepose_host::identify::held::Wish;
+use truepose_host::identify::readings::{Task, identify_file_as};
 use truepose_host::measurement::{self, Dataset, Expected, Purpose};
 use truepose_host::report::Report;
 
 use super::deliver::deliver;
-use super::options::{Data, Out, Page, RobotFile};
+use super::options::{Chosen, Data, Out, Page, RobotFile};
 use super::{Files, Outcome, warn};
 
 /// Identify the geometry, then find, name and add what the residual says is missing
@@ -27,6 +28,8 @@ pub(crate) struct Options {
     out: Out,
     #[command(flatten)]
     page: Page,
+    #[command(flatten)]
+    chosen: Chosen,
 }
 
 pub(crate) fn files(options: &Options) -> Files<'_> {
@@ -42,7 +45,7 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     let file = &options.data.data;
     let robot = Robot::read(&options.robot.robot)?;
     let data = measurement::read(file, &Expected::of(&robot), Purpose::Fit)?;
-    let (diagnosis, findings) = diagnosed(&robot, file, &data)?;
+    let (diagnosis, findings) = diagnosed(&robot, file, &data, options.chosen.wish())?;
     let report = Report::of_diagnosis(&robot.name, &data, &diagnosis, &findings)
         .map_err(|failure| failure.explain(file))?;
     deliver(
@@ -60,10 +63,15 @@ pub(super) fn diagnosed(
     robot: &Robot,
     file: &Path,
     data: &Dataset,
+    wish: Wish,
 ) -> Result<(Diagnosis, Vec<Finding>), Error> {
     warn(&data.warnings);
     let explain = |failure: Failure| failure.explain(file);
-    let identified = identify_file(robot, data, Vec::new()).map_err(explain)?;
+    let task = Task {
+        wish,
+        ..Task::default()
+    };
+    let identified = identify_file_as(robot, data, task).map_err(explain)?;
     let findings = input::check(
         &identified.problem,
         data,

@@ -8,12 +8,12 @@ use truepose_host::error::Error;
 use truepose_host::identify::bootstrap::bootstrap;
 use truepose_host::identify::method::{Estimator, Loss, Method};
 use truepose_host::identify::named::effects;
-use truepose_host::identify::readings::identify_file_by;
+use truepose_host::identify::readings::{Task, identify_file_as};
 use truepose_host::measurement::{self, Expected, Purpose};
 use truepose_host::report::Report;
 
 use super::deliver::deliver;
-use super::options::{Data, Out, Page, RobotFile};
+use super::options::{Chosen, Data, Out, Page, RobotFile};
 use super::{Files, Outcome, warn};
 
 /// Identify the arm's geometry, and effects named beforehand, from measured poses
@@ -27,6 +27,8 @@ pub(crate) struct Options {
     out: Out,
     #[command(flatten)]
     page: Page,
+    #[command(flatten)]
+    chosen: Chosen,
     /// An effect to identify with the geometry, e.g. joint-compliance, joint-gain:3 or
     /// gear-eccentricity:2:1; without a joint: of all
     #[arg(long = "effect", value_name = "KIND[:JOINT[:ORDER]]")]
@@ -116,7 +118,12 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     warn(&data.warnings);
     let effects = effects(&options.effects, &robot, &data)?;
     let explain = |failure: truepose_host::identify::Failure| failure.explain(data_file);
-    let identified = identify_file_by(&robot, &data, effects, method).map_err(explain)?;
+    let task = Task {
+        effects,
+        wish: options.chosen.wish(),
+        method,
+    };
+    let identified = identify_file_as(&robot, &data, task).map_err(explain)?;
     let mut report = Report::new(&robot.name, &data, &identified).map_err(explain)?;
     if let Some(draws) = options.bootstrap {
         let calibration = &identified.calibration;

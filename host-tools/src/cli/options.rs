@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 use truepose_host::error::Error;
+use truepose_host::identify::held::Wish;
 use truepose_host::link::{Client, Controller, LinkError, Port};
 
 /// `--params`.
@@ -45,6 +46,34 @@ pub(super) struct Page {
     /// Write the report as a page to FILE too
     #[arg(long, value_name = "FILE.html")]
     pub(super) report: Option<PathBuf>,
+}
+
+/// `--only`, `--hold` and `--free`.
+#[derive(Debug, Args)]
+pub(super) struct Chosen {
+    /// Identify these alone: names of the report's table or their first words, * for any word,
+    /// e.g. "joint 3" or "joint * a", or offsets: every joint's zero position. Base and tool
+    /// are found with them unless one of the names is theirs
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    only: Vec<String>,
+    /// Keep these as drawn, named likewise, e.g. tool or "joint * alpha"
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    hold: Vec<String>,
+    /// Identify these whatever --only and --hold say, named likewise
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    free: Vec<String>,
+}
+
+impl Chosen {
+    /// The same for the library.
+    pub(super) fn wish(&self) -> Wish {
+        let trimmed = |names: &[String]| names.iter().map(|n| n.trim().to_owned()).collect();
+        Wish {
+            only: trimmed(&self.only),
+            hold: trimmed(&self.hold),
+            free: trimmed(&self.free),
+        }
+    }
 }
 
 /// `--port` and `--baud`.

@@ -13,7 +13,7 @@ use truepose_host::error::Error;
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::observation::{Observation, Sigmas};
 use truepose_host::identify::problem::ASSUMED;
-use truepose_host::identify::readings::identify_file;
+use truepose_host::identify::readings::{Task, identify_file_as};
 use truepose_host::identify::relation::Plane;
 use truepose_host::measurement::{self, Expected, Measured, Purpose};
 use truepose_host::observability::Observability;
@@ -22,7 +22,7 @@ use truepose_host::parameters;
 use truepose_host::plan::{self, Criterion, MeasuredArm, Plan, Seen, Sensitivity, Settings};
 
 use super::diagnose::diagnosed;
-use super::options::Out;
+use super::options::{Chosen, Out};
 use super::progress::Progress;
 use super::verify::three_digits;
 use super::{Files, Outcome, warn};
@@ -96,6 +96,8 @@ pub(crate) struct Options {
         allow_hyphen_values = true
     )]
     plane_mm: Vec<f64>,
+    #[command(flatten)]
+    chosen: Chosen,
     /// Another number, another plan of the same worth
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -173,8 +175,12 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
         // What stands around the arm is where these rows say.
         (Some(file), Some(was)) if around && was == measure => {
             let fit = measurement::read(file, &Expected::of(&robot), Purpose::Fit)?;
+            let task = Task {
+                wish: options.chosen.wish(),
+                ..Task::default()
+            };
             let found =
-                identify_file(&robot, &fit, Vec::new()).map_err(|failure| failure.explain(file))?;
+                identify_file_as(&robot, &fit, task).map_err(|failure| failure.explain(file))?;
             labels = Labels {
                 points: found.problem.points,
                 planes: found.problem.planes,
@@ -190,7 +196,8 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     }
     let noise = table.as_ref().map(|table| table.noise).unwrap_or_default();
     let sigmas = sigmas(options, noise)?;
-    let mut measured_arm = MeasuredArm::new(arm, seen, sigmas, limits);
+    let mut measured_arm = MeasuredArm::holding(arm, seen, sigmas, limits, &options.chosen.wish())
+        .map_err(Error::Usage)?;
     let choice = measured_arm.choice().clone();
     let before: Vec<Vec<f64>> = match &table {
         Some(_) if around => measured.iter().filter_map(|o| choice.of(o)).collect(),
@@ -239,7 +246,7 @@ fn discriminating(options: &Options, robot: &Robot, limits: &[[f64; 2]]) -> Resu
         return Err(Error::Usage("--discriminate needs --data".to_owned()));
     };
     let data = measurement::read(file, &Expected::of(robot), Purpose::Fit)?;
-    let (diagnosis, _) = diagnosed(robot, file, &data)?;
+    let (diagnosis, _) = diagnosed(robot, file, &data, options.chosen.wish())?;
     let decision = plan::discriminate(&diagnosis, limits, options.poses, options.seed);
     let Some(decision) = decision else {
         return Ok(Outcome {

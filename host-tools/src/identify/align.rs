@@ -55,12 +55,13 @@ pub fn flange_poses(arm: &ArmModel, observations: &[&Observation]) -> Vec<Pose<f
 }
 
 /// Sets bases, tool, targets and anchor of `arm` to first guesses. `tool`: the tool point
-/// to assume in the flange, m.
-pub fn first_guess(
+/// to assume in the flange, m. `held` puts base and tool back where they are not to be found.
+pub(super) fn first_guess(
     arm: &mut ArmModel,
     observations: &[&Observation],
     tool: Vector3<f64>,
     sessions: usize,
+    held: impl Fn(&mut ArmModel),
 ) {
     arm.tool.translation = tool;
     arm.bake();
@@ -81,6 +82,7 @@ pub fn first_guess(
             arm.bases[session] = base;
         }
     }
+    held(arm);
     let mut turns = Matrix3::zeros();
     for (o, flange) in observations.iter().zip(&flanges) {
         if let Some(measured) = o.rotation {
@@ -93,6 +95,7 @@ pub fn first_guess(
     {
         arm.tool.rotation = r;
     }
+    held(arm);
     guess_targets(arm, observations, &flanges);
     guess_around(arm, observations, &flanges);
     arm.bake();

@@ -11,6 +11,10 @@ pub enum Failure {
     NothingToVerify,
     /// Fewer equations than a fit needs: found, needed.
     TooFewEquations(usize, usize),
+    /// A wish to hold or free parameters that cannot be fulfilled, in a sentence.
+    Wish(String),
+    /// Every parameter is held.
+    NothingFree,
     /// Every row to fit has the same joint values.
     OnePose,
     /// A placement of the instrument, by its number in the file, with too few rows to fit.
@@ -38,6 +42,12 @@ impl Failure {
                 format!("{found} equations to fit"),
                 format!("at least {needed}, one an unknown"),
                 "measure more poses",
+            ),
+            Self::Wish(sentence) => Error::Usage(sentence.clone()),
+            Self::NothingFree => Error::Usage(
+                "--only and --hold leave nothing to identify: expected at least one parameter \
+                 that is free"
+                    .to_owned(),
             ),
             Self::OnePose => place.bad(
                 "the same joint values in every row to fit",

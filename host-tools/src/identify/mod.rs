@@ -1,7 +1,7 @@
 //! From measured poses to the arm's real geometry.
 //!
 //! 1. align: where the instrument stands and what the tool is, geometry as drawn ([`mod@align`]);
-//! 2. which parameters make a complete model ([`mod@structure`]), and which of them these poses
+//! 2. which parameters make a complete model ([`structure`]), and which of them these poses
 //!    can tell apart ([`solve::distinguishable`]);
 //! 3. fit ([`mod@solve`]), leave gross rows out, fit again; with named effects once more.
 
@@ -15,6 +15,7 @@ pub mod factor;
 mod failure;
 mod golden;
 pub mod gross;
+pub mod held;
 pub mod kalman;
 pub mod linearize;
 pub mod method;
@@ -50,7 +51,7 @@ use problem::Problem;
 use robust::Outlier;
 pub(crate) use solve::fit;
 use solve::{Solved, misfit};
-use structure::{Structure, structure};
+use structure::{Structure, structure_holding};
 use unknown::Unknown;
 use unseen::Shown;
 
@@ -108,7 +109,7 @@ pub struct Calibration {
     pub innovations: Option<Innovations>,
 }
 
-/// Placement unknowns that the data can show at all.
+/// Placement unknowns that are free and that the data can show at all.
 pub(crate) fn placement(problem: &Problem) -> Vec<Unknown> {
     let mut unknowns = Vec::new();
     // Where nothing is placed in the world, the first base is the world.
@@ -136,6 +137,7 @@ pub(crate) fn placement(problem: &Problem) -> Vec<Unknown> {
         unknowns.extend((0..3).map(|axis| Unknown::Target { target, axis }));
     }
     unknowns.extend((3..6).map(|axis| Unknown::Tool { axis }));
+    unknowns.retain(|unknown| !problem.held.contains(unknown));
     unknowns
 }
 
@@ -143,7 +145,7 @@ pub(crate) fn placement(problem: &Problem) -> Vec<Unknown> {
 pub fn geometry(problem: &Problem, calibration: &Calibration) -> Vec<Unknown> {
     let arm = &calibration.nominal.arm;
     let structure = &calibration.structure;
-    let never = Shown::by(arm, &problem.identify).never(arm, structure);
+    let never = Shown::by(arm, &problem.identify).never(arm, structure, &problem.held);
     with_joints(problem, structure, &never)
 }
 
@@ -174,7 +176,7 @@ pub fn align(problem: &Problem) -> Result<Stage, Failure> {
     let drawn = problem.drawing.tool.translation;
     let far = 0.3;
     let mut guesses = vec![drawn];
-    for axis in 0..3 {
+    for axis in (0..3).filter(|&axis| !problem.held.contains(&Unknown::Tool { axis })) {
         for sign in [1.0, -1.0] {
             let mut guess = drawn;
             guess[axis] += sign * far;
@@ -185,9 +187,12 @@ pub fn align(problem: &Problem) -> Result<Stage, Failure> {
     for guess in guesses {
         let mut arm = problem.drawing.clone();
         arm.targets = problem.target_offsets.clone();
-        first_guess(&mut arm, &observations, guess, problem.sessions.len());
+        let held = |arm: &mut ArmModel| problem.held.restore(arm, &problem.drawing);
+        let sessions = problem.sessions.len();
+        first_guess(&mut arm, &observations, guess, sessions, held);
         if problem.targets_known {
             turn_tool_to_poses(&mut arm, &observations);
+            held(&mut arm);
         }
         let (fit, _) = fit(
             &mut arm,
@@ -247,7 +252,11 @@ fn check(problem: &Problem) -> Result<(), Failure> {
 
 /// Where the targets are free, they do not show the tool's turn; the drawing of theirs does.
 fn turn_tool(arm: &mut ArmModel, problem: &Problem) {
-    if !problem.targets_known {
+    let held = |u: &Unknown| problem.held.contains(u);
+    let tool = (3..6).any(|axis| held(&Unknown::Tool { axis }));
+    let targets = (0..problem.target_offsets.len())
+        .flat_map(|target| (0..3).map(move |axis| Unknown::Target { target, axis }));
+    if !problem.targets_known && !tool && !targets.into_iter().any(|u| held(&u)) {
         turn_tool_to_targets(arm, &problem.target_offsets);
     }
 }
@@ -263,10 +272,13 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
     let mut nominal = align(problem)?;
     turn_tool(&mut nominal.arm, problem);
 
-    let structure = structure(&nominal.arm, problem.sigmas);
+    let structure = structure_holding(&nominal.arm, problem.sigmas, &problem.held);
     let shown = Shown::by(&nominal.arm, &problem.identify);
-    let never = shown.never(&nominal.arm, &structure);
+    let never = shown.never(&nominal.arm, &structure, &problem.held);
     let mut candidates = with_joints(problem, &structure, &never);
+    if candidates.is_empty() && problem.effects.is_empty() {
+        return Err(Failure::NothingFree);
+    }
     if equations < candidates.len() {
         return Err(Failure::TooFewEquations(equations, candidates.len()));
     }
@@ -345,6 +357,11 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
     for (unknown, why) in never {
         statuses.retain(|(u, _)| *u != unknown);
         statuses.push((unknown, Status::Fixed(why)));
+    }
+    let offered = |u: &Unknown| structure.offers(u);
+    for (unknown, why) in problem.held.told(offered) {
+        statuses.retain(|(u, _)| *u != unknown);
+        statuses.push((unknown, Status::Fixed(why.to_owned())));
     }
     statuses.sort_by_key(|(u, _)| order(u));
     let distrusted = fitted.outliers.iter().filter(|o| o.weight <= 0.0);

@@ -6,9 +6,11 @@ use nalgebra::Vector3;
 use truepose::effects::Effect;
 
 use super::arm::ArmModel;
+use super::held::{Held, Wish};
 use super::method::Method;
 use super::observation::{Observation, Sigmas};
 use super::relation::Relation;
+use super::{Failure, placement};
 use crate::description::Robot;
 use crate::measurement::{Dataset, Noise, Row, Set};
 
@@ -55,6 +57,8 @@ pub struct Problem {
     pub target_offsets: Vec<Vector3<f64>>,
     /// The offsets are known, not first guesses: a calibrated tool (MRD 6.2).
     pub targets_known: bool,
+    /// Parameters that stay as drawn because a person wants it so.
+    pub held: Held,
     /// Effects to identify together with the geometry.
     pub effects: Vec<Effect<'static, f64>>,
     /// How to look for the parameters.
@@ -86,9 +90,22 @@ impl Problem {
                 .map(Vector3::from)
                 .collect(),
             targets_known: data.targets_known,
+            held: Held::default(),
             effects,
             method: Method::default(),
         }
+    }
+
+    /// Holds what `wish` does not want identified.
+    pub fn hold(&mut self, wish: &Wish) -> Result<(), Failure> {
+        let mut arm = self.drawing.clone();
+        arm.targets = self.target_offsets.clone();
+        let around = placement(&Self {
+            held: Held::default(),
+            ..self.clone()
+        });
+        self.held = wish.among(&arm, &around).map_err(Failure::Wish)?;
+        Ok(())
     }
 }
 

@@ -2,6 +2,7 @@
 
 use truepose::effects::Effect;
 
+use super::held::Wish;
 use super::method::Method;
 use super::observation::Observation;
 use super::problem::{Joints, Problem};
@@ -36,33 +37,46 @@ pub struct Identified {
     pub comparison: Option<Comparison>,
 }
 
+/// What to identify, and how.
+#[derive(Clone, Debug, Default)]
+pub struct Task {
+    /// Together with the geometry.
+    pub effects: Vec<Effect<'static, f64>>,
+    /// Which parameters of the geometry.
+    pub wish: Wish,
+    /// How. Which joint values the rows prefer is found by the usual method.
+    pub method: Method,
+}
+
 /// Identifies the robot from a file, with the joint values that its rows prefer.
 pub fn identify_file(
     robot: &Robot,
     data: &Dataset,
     effects: Vec<Effect<'static, f64>>,
 ) -> Result<Identified, Failure> {
-    identify_file_by(robot, data, effects, Method::default())
+    identify_file_as(
+        robot,
+        data,
+        Task {
+            effects,
+            ..Task::default()
+        },
+    )
 }
 
-/// The same by a method of choice; which joint values the rows prefer is found by the usual
-/// one.
-pub fn identify_file_by(
-    robot: &Robot,
-    data: &Dataset,
-    effects: Vec<Effect<'static, f64>>,
-    method: Method,
-) -> Result<Identified, Failure> {
+/// The same as `task` says.
+pub fn identify_file_as(robot: &Robot, data: &Dataset, task: Task) -> Result<Identified, Failure> {
     let (joints, comparison) = if data.available.command {
-        let (joints, comparison) = prefer(robot, data)?;
+        let (joints, comparison) = prefer(robot, data, &task.wish)?;
         (joints, Some(comparison))
     } else {
         (Joints::Readings, None)
     };
-    let problem = Problem {
-        method,
-        ..Problem::new(robot, data, joints, effects)
+    let mut problem = Problem {
+        method: task.method,
+        ..Problem::new(robot, data, joints, task.effects)
     };
+    problem.hold(&task.wish)?;
     Ok(Identified {
         calibration: identify(&problem)?,
         problem,
@@ -72,9 +86,13 @@ pub fn identify_file_by(
 }
 
 /// Fits geometry with both; the identify rows that neither fit left out decide.
-pub fn prefer(robot: &Robot, data: &Dataset) -> Result<(Joints, Comparison), Failure> {
-    let problem = |joints| Problem::new(robot, data, joints, Vec::new());
-    let (readings, commands) = (problem(Joints::Readings), problem(Joints::Commands));
+pub fn prefer(robot: &Robot, data: &Dataset, wish: &Wish) -> Result<(Joints, Comparison), Failure> {
+    let problem = |joints| {
+        let mut problem = Problem::new(robot, data, joints, Vec::new());
+        problem.hold(wish)?;
+        Ok::<_, Failure>(problem)
+    };
+    let (readings, commands) = (problem(Joints::Readings)?, problem(Joints::Commands)?);
     let (by_readings, by_commands) = (identify(&readings)?, identify(&commands)?);
     let common = |o: &&Observation| {
         !by_readings.rejected.contains(&o.row) && !by_commands.rejected.contains(&o.row)

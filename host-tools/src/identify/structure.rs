@@ -12,6 +12,7 @@ use truepose::{Convention, JointKind, Parameter, Pose};
 
 use super::arm::ArmModel;
 use super::factor::{Dropped, Selection, select_in_turns};
+use super::held::Held;
 use super::linearize::linearize;
 use super::observation::{Observation, Sigmas};
 use super::unknown::Unknown;
@@ -44,6 +45,15 @@ pub struct Structure {
     pub candidates: Vec<Unknown>,
     /// Neighbours treated after Hayati.
     pub parallel: Vec<NearlyParallel>,
+    /// Joint parameters that would be candidates, were they not held.
+    pub held: Vec<Unknown>,
+}
+
+impl Structure {
+    /// True for what a model without anything held would speak of.
+    pub(super) fn offers(&self, unknown: &Unknown) -> bool {
+        !matches!(unknown, Unknown::Joint(..)) || self.held.contains(unknown)
+    }
 }
 
 fn nearly_parallel(arm: &ArmModel) -> Vec<NearlyParallel> {
@@ -74,11 +84,21 @@ fn nearly_parallel(arm: &ArmModel) -> Vec<NearlyParallel> {
 
 /// Finds the complete, minimal set of parameters.
 pub fn structure(arm: &ArmModel, sigmas: Sigmas) -> Structure {
-    let parallel = nearly_parallel(arm);
-    let mut candidates: Vec<Unknown> = (0..6)
-        .map(|axis| Unknown::Base { session: 0, axis })
-        .collect();
-    candidates.extend((0..6).map(|axis| Unknown::Tool { axis }));
+    structure_holding(arm, sigmas, &Held::default())
+}
+
+/// What is left of the complete set where parameters are `held`, and what those had carried for
+/// others.
+pub fn structure_holding(arm: &ArmModel, sigmas: Sigmas, held: &Held) -> Structure {
+    let beta = |j| Unknown::Joint(j, Parameter::Beta);
+    let mut parallel = nearly_parallel(arm);
+    // d again where beta may not take its place
+    parallel.retain(|pair| !held.contains(&beta(pair.joint)));
+    let free = |unknown: &Unknown| !held.contains(unknown);
+    let base = (0..6).map(|axis| Unknown::Base { session: 0, axis });
+    let tool = (0..6).map(|axis| Unknown::Tool { axis });
+    let mut candidates: Vec<Unknown> = base.chain(tool).filter(free).collect();
+    let mut left_out = Vec::new();
     for (j, joint) in arm.joints.iter().enumerate() {
         let hayati = parallel.iter().any(|p| p.joint == j);
         let zero_reference = joint.convention == Convention::ZeroReference;
@@ -102,16 +122,32 @@ pub fn structure(arm: &ArmModel, sigmas: Sigmas) -> Structure {
                 Parameter::Beta => hayati,
                 _ => true,
             };
-            if wanted || zero_reference {
-                candidates.push(Unknown::Joint(j, p));
+            let unknown = Unknown::Joint(j, p);
+            if held.contains(&unknown) {
+                if wanted || zero_reference || p == Parameter::D {
+                    left_out.push(unknown);
+                }
+            } else if wanted || zero_reference {
+                candidates.push(unknown);
             }
         }
     }
     // Where a slide and a turn are parallel, theta of the first does nothing and its axis needs
     // the second tilt. Last in priority: it is left out wherever theta and d are enough.
+    // It must not make up for what is held.
+    let complete = (!held.is_empty()).then(|| structure(arm, sigmas));
     for (j, joint) in arm.joints.iter().enumerate() {
-        let beta = Unknown::Joint(j, Parameter::Beta);
-        if joint.parameters().contains(&Parameter::Beta) && !candidates.contains(&beta) {
+        let beta = beta(j);
+        let needed = match &complete {
+            None => true,
+            Some(complete) => complete.unknowns.contains(&beta) || held.asks_for(&beta),
+        };
+        if !joint.parameters().contains(&Parameter::Beta) || !needed {
+            continue;
+        }
+        if held.contains(&beta) {
+            left_out.push(beta);
+        } else if !candidates.contains(&beta) {
             candidates.push(beta);
         }
     }
@@ -137,6 +173,7 @@ pub fn structure(arm: &ArmModel, sigmas: Sigmas) -> Structure {
             .collect(),
         candidates,
         parallel,
+        held: left_out,
     }
 }
 

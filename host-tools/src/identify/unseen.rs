@@ -8,6 +8,7 @@
 use truepose::{JointKind, Parameter};
 
 use super::arm::ArmModel;
+use super::held::Held;
 use super::observation::Observation;
 use super::structure::Structure;
 use super::unknown::Unknown;
@@ -51,7 +52,12 @@ impl Shown {
     }
 
     /// Unknowns that no set of such measurements shows, with the reason.
-    pub(crate) fn never(&self, arm: &ArmModel, structure: &Structure) -> Vec<(Unknown, String)> {
+    pub(crate) fn never(
+        &self,
+        arm: &ArmModel,
+        structure: &Structure,
+        held: &Held,
+    ) -> Vec<(Unknown, String)> {
         let mut never = Vec::new();
         if !self.placed {
             never.extend((0..6).map(|axis| {
@@ -60,7 +66,7 @@ impl Shown {
                 (Unknown::Base { session: 0, axis }, why.to_owned())
             }));
         }
-        if !self.scale {
+        if !self.scale && !held.gives_size(arm) {
             let length = |u: &&Unknown| matches!(u, Unknown::Joint(..)) && u.unit(arm) == "m";
             let longest = structure
                 .unknowns

@@ -6,10 +6,11 @@ use truepose::JointKind;
 use super::{Choice, Seen, Sensitivity, draw};
 use crate::description::Robot;
 use crate::identify::arm::ArmModel;
+use crate::identify::held::{Held, Wish};
 use crate::identify::linearize::linearize;
 use crate::identify::observation::{Observation, Sigmas};
 use crate::identify::solve::distinguishable;
-use crate::identify::structure::structure;
+use crate::identify::structure::structure_holding;
 use crate::identify::unknown::Unknown;
 use crate::random::Random;
 
@@ -48,44 +49,45 @@ impl MeasuredArm {
     /// Every geometric parameter, base, tool and targets count, and the values of the effects
     /// that the arm has.
     pub fn new(arm: ArmModel, seen: Seen, sigmas: Sigmas, limits: Vec<[f64; 2]>) -> Self {
+        let around = placement(&arm, seen);
+        Self::with(arm, seen, sigmas, limits, around, &Held::default())
+    }
+
+    /// The same without the parameters that `wish` holds; a sentence where it cannot be
+    /// fulfilled.
+    pub fn holding(
+        arm: ArmModel,
+        seen: Seen,
+        sigmas: Sigmas,
+        limits: Vec<[f64; 2]>,
+        wish: &Wish,
+    ) -> Result<Self, String> {
+        let around = placement(&arm, seen);
+        let held = wish.among(&arm, &around)?;
+        let measured = Self::with(arm, seen, sigmas, limits, around, &held);
+        match measured.unknowns.is_empty() {
+            true => Err("--only and --hold leave nothing to identify".to_owned()),
+            false => Ok(measured),
+        }
+    }
+
+    fn with(
+        arm: ArmModel,
+        seen: Seen,
+        sigmas: Sigmas,
+        limits: Vec<[f64; 2]>,
+        mut candidates: Vec<Unknown>,
+        held: &Held,
+    ) -> Self {
         let choice = Choice::new(&arm, seen, &limits);
-        // Where nothing is placed in the world, the base is the world.
-        let placed = !matches!(seen, Seen::Distance | Seen::Touch);
-        let mut candidates: Vec<Unknown> = (0..6)
-            .filter(|_| placed)
-            .map(|axis| Unknown::Base { session: 0, axis })
-            .collect();
-        if seen == Seen::Length {
-            candidates.extend((0..3).map(|axis| Unknown::Anchor { axis }));
-        }
-        if seen == Seen::Touch {
-            for point in 0..arm.points.len() {
-                candidates.extend((0..3).map(|axis| Unknown::Point { point, axis }));
-            }
-            for plane in 0..arm.planes.len() {
-                candidates.extend((0..3).map(|value| Unknown::Plane { plane, value }));
-            }
-        }
-        if seen == Seen::Bearing {
-            for station in 1..arm.stations.len() {
-                candidates.extend((0..6).map(|axis| Unknown::Station { station, axis }));
-            }
-        }
-        let targets = match seen {
-            Seen::Position => arm.targets.len(),
-            _ => 0,
-        };
-        candidates.extend((0..3).map(|axis| Unknown::Tool { axis }));
-        for target in 0..targets {
-            candidates.extend((0..3).map(|axis| Unknown::Target { target, axis }));
-        }
-        candidates.extend((3..6).map(|axis| Unknown::Tool { axis }));
-        for unknown in structure(&arm, sigmas).unknowns {
+        let placed = is_placed(seen);
+        for unknown in structure_holding(&arm, sigmas, held).unknowns {
             let base = matches!(unknown, Unknown::Base { .. });
             if !candidates.contains(&unknown) && (placed || !base) {
                 candidates.push(unknown);
             }
         }
+        candidates.retain(|unknown| !held.contains(unknown));
         for (effect, e) in arm.effects.iter().enumerate() {
             let count = e.model().values().len();
             candidates.extend((0..count).map(|value| Unknown::Effect { effect, value }));
@@ -153,6 +155,45 @@ impl MeasuredArm {
             row.iter().zip(out).for_each(|(x, out)| *out = *x);
         }
     }
+}
+
+/// Where nothing is placed in the world, the base is the world.
+fn is_placed(seen: Seen) -> bool {
+    !matches!(seen, Seen::Distance | Seen::Touch)
+}
+
+/// Unknowns of base and tool and of what stands around the arm.
+fn placement(arm: &ArmModel, seen: Seen) -> Vec<Unknown> {
+    let mut candidates: Vec<Unknown> = (0..6)
+        .filter(|_| is_placed(seen))
+        .map(|axis| Unknown::Base { session: 0, axis })
+        .collect();
+    if seen == Seen::Length {
+        candidates.extend((0..3).map(|axis| Unknown::Anchor { axis }));
+    }
+    if seen == Seen::Touch {
+        for point in 0..arm.points.len() {
+            candidates.extend((0..3).map(|axis| Unknown::Point { point, axis }));
+        }
+        for plane in 0..arm.planes.len() {
+            candidates.extend((0..3).map(|value| Unknown::Plane { plane, value }));
+        }
+    }
+    if seen == Seen::Bearing {
+        for station in 1..arm.stations.len() {
+            candidates.extend((0..6).map(|axis| Unknown::Station { station, axis }));
+        }
+    }
+    let targets = match seen {
+        Seen::Position => arm.targets.len(),
+        _ => 0,
+    };
+    candidates.extend((0..3).map(|axis| Unknown::Tool { axis }));
+    for target in 0..targets {
+        candidates.extend((0..3).map(|axis| Unknown::Target { target, axis }));
+    }
+    candidates.extend((3..6).map(|axis| Unknown::Tool { axis }));
+    candidates
 }
 
 impl Sensitivity for MeasuredArm {

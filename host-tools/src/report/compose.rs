@@ -256,6 +256,13 @@ impl Report {
                 ));
             }
         }
+        let held = problem.held.len();
+        if held > 0 {
+            self.noticed.push(format!(
+                "{held} parameters are held as asked: where they are wrong, the others, what is \
+                 left and effects that are found take it up"
+            ));
+        }
         let used = &self.summary.estimator;
         if !used.outliers.is_empty() {
             let each: Vec<String> = used

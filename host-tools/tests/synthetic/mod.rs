@@ -7,6 +7,7 @@ use truepose::effects::Ambient;
 use truepose::{Convention, Joint, JointKind, LinkMass, Pose};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::evaluator::Evaluator;
+use truepose_host::identify::held::Held;
 use truepose_host::identify::method::Method;
 use truepose_host::identify::observation::{Observation, Sigmas};
 use truepose_host::identify::problem::Problem;
@@ -208,6 +209,7 @@ pub(crate) fn problem(drawing: &ArmModel, identify: Vec<Observation>) -> Problem
             .take(targets)
             .map(|t| Vector3::from(*t))
             .collect(),
+        held: Held::default(),
         effects: Vec::new(),
     }
 }
