@@ -41,7 +41,7 @@ use align::{first_guess, turn_tool_to_poses, turn_tool_to_targets};
 use arm::ArmModel;
 use factor::Dropped;
 pub use failure::{Failure, ROWS_A_SESSION};
-use gross::{gross, gross_unseen, may_hide, softened};
+use gross::{gross, gross_unseen, may_hide, median, softened};
 use kalman::Innovations;
 use method::{Fitted, Loss};
 use observation::Observation;
@@ -261,8 +261,11 @@ fn turn_tool(arm: &mut ArmModel, problem: &Problem) {
     }
 }
 
-/// Fits with weights before gross rows are looked for: the weights have settled by then.
-const SOFT_FITS: usize = 4;
+/// Fits with weights before gross rows are looked for, at most.
+const SOFT_FITS: usize = 20;
+
+/// The weights have settled where the median row's misfit falls by no more than this.
+const SETTLED: f64 = 0.95;
 
 /// Identifies the arm's geometry, and the problem's effects with it.
 pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
@@ -301,8 +304,12 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
                 let soft = softened(&shows, &all, problem.sigmas);
                 let soft: Vec<&Observation> = soft.iter().collect();
                 fit(&mut shows, &candidates, &soft);
+                let before = median(&misfits);
+                misfits = misfit(&shows, &all, problem.sigmas);
+                if median(&misfits) > SETTLED * before {
+                    break;
+                }
             }
-            misfits = misfit(&shows, &all, problem.sigmas);
         }
         for _ in 0..5 {
             let worst = gross(&shows, &all, problem.sigmas, &misfits);

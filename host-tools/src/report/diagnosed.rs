@@ -20,6 +20,9 @@ use crate::measurement::Dataset;
 
 const MM: f64 = 1e3;
 
+/// What is left over the declared noise, from which on the report says so.
+const ABOVE_DECLARED: f64 = 2.0;
+
 impl Report {
     /// Of a diagnosis. `robot`: its name. `input`: what is wrong with the table itself.
     pub fn of_diagnosis(
@@ -97,6 +100,16 @@ fn reasons(diagnosis: &Diagnosis, report: &Report) -> Vec<String> {
             significant(w.p_value)
         )),
         None => reasons.push("too few rows to test what is left for structure".to_owned()),
+    }
+    let noise = &report.summary.noise_mm;
+    if let (Some(declared), Some(left)) = (noise.declared, noise.estimated)
+        && left > ABOVE_DECLARED * declared
+    {
+        reasons.push(format!(
+            "it is {} times the declared noise: that is declared too small, or arm or instrument err \
+             in ways that no column of this file goes with",
+            significant(left / declared)
+        ));
     }
     if let Some(bent) = diagnosis.disproportion.as_ref().filter(|d| d.bent) {
         let named = diagnosis.named.get(bent.index);
