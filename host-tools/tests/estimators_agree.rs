@@ -5,6 +5,7 @@ use crate::synthetic::{SIGMAS, Seen, anywhere, apart, arm, built, measured, prob
 use nalgebra::Vector3;
 use truepose::{Convention, Parameter};
 use truepose_host::identify::arm::ArmModel;
+use truepose_host::identify::bootstrap::bootstrap;
 use truepose_host::identify::evaluator::Evaluator;
 use truepose_host::identify::method::{ESTIMATORS, Estimator, Loss, Method};
 use truepose_host::identify::observation::Observation;
@@ -123,6 +124,113 @@ fn a_prior_keeps_what_the_data_hardly_show_near_the_drawing() {
         far(&free)
     );
     assert!(far(&weighed) < far(&held));
+}
+
+/// Mean squared error, m^2, of the plain fit, with the prior of [`Method::default`], and with
+/// one whose size is found, over seeds.
+fn found_sizes(rows: usize, noise: f64, seeds: u64) -> [f64; 3] {
+    let mut sums = [0.0; 3];
+    for seed in 0..seeds {
+        let drawing = arm(Convention::Dh, "RRRR", &[], seed);
+        let mut truth = built(&drawing, 1e-3, seed);
+        truth.bases[0] = anywhere(&mut Random::new(seed, 1));
+        truth.bake();
+        let data = measured(&truth, Seen::Position, rows, noise, seed);
+        let unseen = measured(&truth, Seen::Position, 100, 0.0, 7);
+        let sized = Method {
+            cross_validated: true,
+            ..with(Estimator::MinimumVariance)
+        };
+        let ways = [Method::default(), with(Estimator::MinimumVariance), sized];
+        for (method, sum) in ways.into_iter().zip(&mut sums) {
+            let mut problem = problem(&drawing, data.clone());
+            problem.sigmas.position *= noise;
+            problem.method = method;
+            let found = identify(&problem).unwrap();
+            let mut evaluator = Evaluator::new(&found.complete.arm, SIGMAS);
+            for o in &unseen {
+                let p = evaluator.observe(o).translation;
+                *sum += (p - o.position.unwrap()).norm_squared();
+            }
+        }
+    }
+    sums
+}
+
+#[test]
+fn the_size_of_a_prior_is_found_where_it_pays_and_costs_nothing_elsewhere() {
+    // Fifteen rows of half a millimetre, an arm that is right to one.
+    let [plain, given, found] = found_sizes(12, 16.7, 12);
+    println!("few: {} {}", (given / plain).sqrt(), (found / plain).sqrt());
+    assert!(
+        found < 0.9 * plain && found < 0.95 * given,
+        "{plain} {given} {found}"
+    );
+    let [plain, given, found] = found_sizes(100, 1.0, 4);
+    println!(
+        "many: {} {}",
+        (given / plain).sqrt(),
+        (found / plain).sqrt()
+    );
+    assert!((found / plain).sqrt() < 1.01, "{plain} {given} {found}");
+}
+
+#[test]
+fn a_found_size_is_the_best_that_was_tried_and_serves_every_use_of_it() {
+    let (drawing, truth) = arms("RRRR");
+    let mut data = measured(&truth, Seen::Position, 30, 10.0, 3);
+    data[4].position = data[4].position.map(|p| p + Vector3::new(0.0, 0.05, 0.0));
+    let sized = |estimator| Method {
+        cross_validated: true,
+        ..with(estimator)
+    };
+    let solved = |method: Method| {
+        let mut problem = problem(&drawing, data.clone());
+        problem.sigmas.position *= 10.0;
+        problem.method = method;
+        (identify(&problem).unwrap(), problem)
+    };
+    let (found, problem) = solved(sized(Estimator::MinimumVariance));
+    let sizes = found.sizes.as_ref().unwrap();
+    assert_eq!(found.rejected, [5]);
+    assert_eq!(sizes.rows, 29);
+    assert_eq!(sizes.tried.len(), 12);
+    let best = sizes.tried[sizes.chosen];
+    assert!(sizes.tried.iter().all(|t| t.whitened >= best.whitened));
+    let bits = |tolerance: [f64; 2]| tolerance.map(f64::to_bits);
+    assert_eq!(bits(found.method.tolerance), bits(best.tolerance));
+    assert!(sizes.tried[0].tolerance[0].is_infinite());
+    // as if it had been given
+    let given = Method {
+        tolerance: best.tolerance,
+        ..with(Estimator::MinimumVariance)
+    };
+    let (given, _) = solved(given);
+    let (far, _) = apart(&given.complete.arm, &found.complete.arm, Seen::Position);
+    assert!(far < 1e-8, "{far}");
+    let scatter = |c: &Calibration| bootstrap(&problem, c, 10);
+    assert_eq!(scatter(&given).draws, 10);
+    for (a, b) in scatter(&given).each.iter().zip(&scatter(&found).each) {
+        assert!(
+            (a.1.sigma - b.1.sigma).abs() < 1e-3 * a.1.sigma,
+            "{a:?} {b:?}"
+        );
+    }
+    // the filter chooses the same, and a robust loss by the rows that it trusts
+    let (filtered, _) = solved(sized(Estimator::Kalman));
+    assert_eq!(bits(filtered.method.tolerance), bits(best.tolerance));
+    let (robust, _) = solved(Method {
+        loss: Loss::Tukey,
+        ..sized(Estimator::MinimumVariance)
+    });
+    assert!(robust.sizes.unwrap().rows < 30 && robust.rejected.contains(&5));
+    // what has no prior has no size
+    assert!(
+        solved(sized(Estimator::LevenbergMarquardt))
+            .0
+            .sizes
+            .is_none()
+    );
 }
 
 #[test]

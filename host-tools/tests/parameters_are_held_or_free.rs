@@ -623,3 +623,42 @@ fn diagnose_and_plan_take_the_same_names() {
     }
     assert_eq!(counts, [27, 13]);
 }
+
+#[test]
+fn a_prior_takes_its_size_from_the_rows_where_asked() {
+    let folder = folder("prior-size");
+    table(&folder, 40, Vec::new());
+    let method = ["--estimator", "minimum-variance"];
+    let cross = [&method[..], &["--prior", "cross-validated"]].concat();
+    let (status, out, err) = run(&folder, "identify", &cross);
+    assert_eq!(status, 0, "{out}{err}");
+    assert!(
+        out.contains("size of the prior by cross-validation on"),
+        "{out}"
+    );
+    let report = json(&folder.join("r.json"));
+    let prior = &report["estimator"]["prior"];
+    let tried = prior["tried"].as_array().unwrap();
+    assert_eq!(tried.len(), 12);
+    assert!(tried[0]["mm"].is_null());
+    let least = |a: &&Value, b: &&Value| {
+        let of = |t: &Value| t["rms_noise"].as_f64().unwrap();
+        of(a).total_cmp(&of(b))
+    };
+    assert_eq!(tried.iter().min_by(least).unwrap()["mm"], prior["mm"]);
+
+    let given = [&method[..], &["--prior-mm", "2"]].concat();
+    assert_eq!(run(&folder, "identify", &given).0, 0);
+    let prior = &json(&folder.join("r.json"))["estimator"]["prior"];
+    assert_eq!(
+        (prior["mm"].as_f64(), prior["deg"].as_f64()),
+        (Some(2.0), Some(0.5))
+    );
+    assert!(prior.get("tried").is_none());
+
+    let (status, _, err) = run(&folder, "identify", &["--prior", "cross-validated"]);
+    assert!(
+        status == 2 && err.contains("--estimator minimum-variance"),
+        "{err}"
+    );
+}

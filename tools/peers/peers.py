@@ -48,7 +48,7 @@ ARMS = {
 KINDS = {"position": 3, "pose": 6}  # equations a row
 PYBOTICS = ["pybotics", "pybotics, component"]
 FIGAROH = ["figaroh, structural", "figaroh, excitation"]
-PRIORS = ["truepose, minimum-variance", "figaroh, map", "figaroh, map_cv"]
+PRIORS = ["truepose, minimum-variance", "truepose, cross-validated", "figaroh, map", "figaroh, map_cv"]
 
 
 class Study(NamedTuple):
@@ -371,10 +371,11 @@ def fit_figaroh(case, study, truth, _, method):
     return predicted.reshape(3, -1).T, seconds, len(found.x), len(named)
 
 
-MINIMUM_VARIANCE = ["--estimator", "minimum-variance", "--prior-mm", "1", "--prior-deg", "0.1"]
+PRIOR = ["--estimator", "minimum-variance"]
 WAYS = {
     "truepose": (fit_truepose, []),
-    "truepose, minimum-variance": (fit_truepose, MINIMUM_VARIANCE),
+    "truepose, minimum-variance": (fit_truepose, PRIOR + ["--prior-mm", "1", "--prior-deg", "0.1"]),
+    "truepose, cross-validated": (fit_truepose, PRIOR + ["--prior", "cross-validated"]),
     "pybotics": (fit_pybotics, ["distance"]),
     "pybotics, component": (fit_pybotics, ["component"]),
     "figaroh, structural": (fit_figaroh, ["structural"]),

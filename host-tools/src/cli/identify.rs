@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use truepose_host::description::Robot;
 use truepose_host::error::Error;
 use truepose_host::identify::bootstrap::bootstrap;
@@ -40,8 +40,14 @@ pub(crate) struct Options {
     /// What large residuals cost: square, huber or tukey
     #[arg(long, value_name = "NAME", default_value = "square")]
     loss: String,
+    /// Where the size of the prior comes from: given, by the next two options, or
+    /// cross-validated: the size with which rows left out of the fit are predicted best
+    /// (minimum-variance and kalman)
+    #[arg(long, value_enum, value_name = "SIZE")]
+    prior: Option<Size>,
     /// How far a length may be from the drawing, one standard deviation, mm
-    /// (minimum-variance and kalman) [default: 5]
+    /// (minimum-variance and kalman; cross-validated, only its proportion to the next counts)
+    /// [default: 5]
     #[arg(long, value_name = "MM")]
     prior_mm: Option<f64>,
     /// How far an angle may be from the drawing, one standard deviation, deg
@@ -55,6 +61,14 @@ pub(crate) struct Options {
     /// Draw the rows anew N times, for standard errors that do not trust the declared noise
     #[arg(long, value_name = "N")]
     bootstrap: Option<usize>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Size {
+    /// As far as --prior-mm and --prior-deg say
+    Given,
+    /// As far as predicts rows that are left out best
+    CrossValidated,
 }
 
 /// The method that the options ask for.
@@ -83,6 +97,13 @@ fn method(options: &Options) -> Result<Method, Error> {
     let default = Method::default();
     let length = used("prior-mm", options.prior_mm, &prior, false)?;
     let angle = used("prior-deg", options.prior_deg, &prior, false)?;
+    if options.prior.is_some() && !estimator.uses_prior() {
+        return Err(Error::Usage(format!(
+            "--prior: the estimator {} does not use one; expected --estimator minimum-variance or \
+             kalman",
+            estimator.name()
+        )));
+    }
     let kalman = [Estimator::Kalman];
     let wander = used("process-noise-um", options.process_noise_um, &kalman, true)?;
     if options.bootstrap.is_some_and(|n| n < 2) {
@@ -97,6 +118,7 @@ fn method(options: &Options) -> Result<Method, Error> {
             length.map_or(default.tolerance[0], |mm| mm * 1e-3),
             angle.map_or(default.tolerance[1], f64::to_radians),
         ],
+        cross_validated: options.prior == Some(Size::CrossValidated),
         process_noise: wander.map_or(default.process_noise, |um| um * 1e-6),
     })
 }

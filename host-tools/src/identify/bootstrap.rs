@@ -49,7 +49,7 @@ pub fn bootstrap(problem: &Problem, calibration: &Calibration, count: usize) -> 
                 .collect();
             let mut arm = stage.arm.clone();
             let drawing = &calibration.nominal.arm;
-            let method = &problem.method;
+            let method = &calibration.method;
             let fit = method.fit(&mut arm, drawing, unknowns, &drawn, problem.sigmas);
             let whole = fit.dropped.is_empty() && fit.solved.converged;
             let off = |u: &Unknown| {

@@ -13,6 +13,8 @@ pub enum Failure {
     TooFewEquations(usize, usize),
     /// A wish to hold or free parameters that cannot be fulfilled, in a sentence.
     Wish(String),
+    /// No size of a prior could be cross-validated.
+    NoSize,
     /// Every parameter is held.
     NothingFree,
     /// Every row to fit has the same joint values.
@@ -44,6 +46,11 @@ impl Failure {
                 "measure more poses",
             ),
             Self::Wish(sentence) => Error::Usage(sentence.clone()),
+            Self::NoSize => place.bad(
+                "rows of which no part predicts the others with any prior",
+                "enough rows to cross-validate the size of a prior",
+                "measure more poses, or give it with --prior-mm and --prior-deg",
+            ),
             Self::NothingFree => Error::Usage(
                 "--only and --hold leave nothing to identify: expected at least one parameter \
                  that is free"

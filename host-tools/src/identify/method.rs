@@ -77,6 +77,11 @@ fn name_of<T: Copy + PartialEq>(all: &[(&'static str, T)], it: T) -> &'static st
 }
 
 impl Estimator {
+    /// True where the drawing counts as a measurement.
+    pub fn uses_prior(self) -> bool {
+        matches!(self, Self::MinimumVariance | Self::Kalman)
+    }
+
     /// On the command line and in reports.
     pub fn name(self) -> &'static str {
         name_of(&ESTIMATORS, self)
@@ -114,6 +119,9 @@ pub struct Method {
     /// How far joint parameters may be from the drawing, one standard deviation, m and rad;
     /// for minimum variance and Kalman.
     pub tolerance: [f64; 2],
+    /// [`identify`](super::identify) finds the size of the tolerance by cross-validation, and
+    /// only its proportions are as given; a single fit takes it as it is.
+    pub cross_validated: bool,
     /// How far joint parameters wander from row to row, one standard deviation, m and rad;
     /// for Kalman.
     pub process_noise: f64,
@@ -125,6 +133,7 @@ impl Default for Method {
             estimator: Estimator::default(),
             loss: Loss::default(),
             tolerance: [5e-3, 0.5_f64.to_radians()],
+            cross_validated: false,
             process_noise: 0.0,
         }
     }

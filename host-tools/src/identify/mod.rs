@@ -10,9 +10,11 @@ pub mod arm;
 pub mod assess;
 mod attached;
 pub mod bootstrap;
+pub mod cross_validated;
 pub mod evaluator;
 pub mod factor;
 mod failure;
+pub mod folds;
 mod golden;
 pub mod gross;
 pub mod held;
@@ -39,11 +41,12 @@ pub(crate) mod unseen;
 
 use align::{first_guess, turn_tool_to_poses, turn_tool_to_targets};
 use arm::ArmModel;
+use cross_validated::Sizes;
 use factor::Dropped;
 pub use failure::{Failure, ROWS_A_SESSION};
 use gross::{gross, gross_unseen, may_hide, median, softened};
 use kalman::Innovations;
-use method::{Fitted, Loss};
+use method::{Fitted, Loss, Method, Task};
 use observation::Observation;
 use observation::Sigmas;
 use prior::Prior;
@@ -107,6 +110,10 @@ pub struct Calibration {
     pub outliers: Vec<Outlier>,
     /// What a Kalman filter saw.
     pub innovations: Option<Innovations>,
+    /// How the fits were made, with the tolerance that cross-validation found.
+    pub method: Method,
+    /// How it was found.
+    pub sizes: Option<Sizes>,
 }
 
 /// Placement unknowns that are free and that the data can show at all.
@@ -261,6 +268,20 @@ fn turn_tool(arm: &mut ArmModel, problem: &Problem) {
     }
 }
 
+/// How the stages of an identification are fitted.
+struct Fits<'a> {
+    method: Method,
+    drawing: &'a ArmModel,
+    sigmas: Sigmas,
+}
+
+impl Fits<'_> {
+    fn fit(&self, arm: &mut ArmModel, candidates: &[Unknown], rows: &[&Observation]) -> Fitted {
+        self.method
+            .fit(arm, self.drawing, candidates, rows, self.sigmas)
+    }
+}
+
 /// Fits with weights before gross rows are looked for, at most.
 const SOFT_FITS: usize = 20;
 
@@ -288,22 +309,28 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
 
     // Gross rows first spoil the fit that shows them: leave out, fit, look at all rows again.
     // A robust loss does that by itself.
-    let method = &problem.method;
     let mut kept_rows = all.clone();
     let mut left_out: Vec<usize> = Vec::new();
     let mut geometric = nominal.arm.clone();
-    let fit = |arm: &mut ArmModel, candidates: &[Unknown], rows: &[&Observation]| {
-        method.fit(arm, &nominal.arm, candidates, rows, problem.sigmas)
+    let mut fits = Fits {
+        method: problem.method,
+        drawing: &nominal.arm,
+        sigmas: problem.sigmas,
     };
-    let mut fitted = fit(&mut geometric, &candidates, &kept_rows);
-    if method.loss == Loss::Square {
+    let sized = fits.method.cross_validated && fits.method.estimator.uses_prior();
+    if sized {
+        // gross rows are found without a prior: how far it may go is not known yet
+        fits.method.tolerance = [f64::INFINITY; 2];
+    }
+    let mut fitted = fits.fit(&mut geometric, &candidates, &kept_rows);
+    if fits.method.loss == Loss::Square {
         let mut shows = geometric.clone();
         let mut misfits = misfit(&shows, &all, problem.sigmas);
         if may_hide(&misfits) {
             for _ in 0..SOFT_FITS {
                 let soft = softened(&shows, &all, problem.sigmas);
                 let soft: Vec<&Observation> = soft.iter().collect();
-                fit(&mut shows, &candidates, &soft);
+                fits.fit(&mut shows, &candidates, &soft);
                 let before = median(&misfits);
                 misfits = misfit(&shows, &all, problem.sigmas);
                 if median(&misfits) > SETTLED * before {
@@ -321,10 +348,24 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
                 .map(|i| all[i])
                 .collect();
             left_out = worst;
-            fitted = fit(&mut geometric, &candidates, &kept_rows);
+            fitted = fits.fit(&mut geometric, &candidates, &kept_rows);
             shows = geometric.clone();
             misfits = misfit(&shows, &all, problem.sigmas);
         }
+    }
+    let mut sizes = None;
+    if sized {
+        let trusted = |o: &&Observation| !fitted.outliers.iter().any(|out| out.row == o.row);
+        let rows: Vec<&Observation> = kept_rows.iter().copied().filter(trusted).collect();
+        let task = Task {
+            drawing: &nominal.arm,
+            candidates: &candidates,
+            sigmas: problem.sigmas,
+        };
+        sizes = cross_validated::sizes(&task, problem.method.tolerance, &rows);
+        let found = sizes.as_ref().and_then(Sizes::tolerance);
+        fits.method.tolerance = found.ok_or(Failure::NoSize)?;
+        fitted = fits.fit(&mut geometric, &candidates, &kept_rows);
     }
     turn_tool(&mut geometric, problem);
     let settled = |fitted: &Fitted| match fitted.solved.converged {
@@ -350,7 +391,7 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
                 (0..e.model().values().len()).map(|value| Unknown::Effect { effect, value }),
             );
         }
-        fitted = fit(&mut arm, &with_effects, &kept_rows);
+        fitted = fits.fit(&mut arm, &with_effects, &kept_rows);
         settled(&fitted)?;
         turn_tool(&mut arm, problem);
         candidates = with_effects;
@@ -383,6 +424,7 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
         problem.sigmas,
     ));
     rejected.sort_unstable();
+    let method = fits.method;
     Ok(Calibration {
         nominal,
         geometric,
@@ -392,6 +434,8 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
         rejected,
         outliers: fitted.outliers,
         innovations: fitted.innovations,
+        method,
+        sizes,
     })
 }
 

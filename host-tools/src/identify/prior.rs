@@ -19,7 +19,7 @@ pub enum Prior<'a> {
     Drawing {
         /// The drawing.
         arm: &'a ArmModel,
-        /// One standard deviation, m and rad.
+        /// One standard deviation, m and rad; infinite where nothing is expected.
         tolerance: [f64; 2],
     },
 }
@@ -47,7 +47,9 @@ impl Prior<'_> {
                     "m" => length,
                     _ => angle,
                 };
-                Some((unknown.value(drawing), deviation))
+                deviation
+                    .is_finite()
+                    .then(|| (unknown.value(drawing), deviation))
             }
             _ => None,
         }

@@ -276,6 +276,31 @@ impl Report {
                 each.join(", ")
             ));
         }
+        if let (Some(prior), Some(sizes)) = (&used.prior, &calibration.sizes) {
+            let shown = |tolerance: &schema::Tolerance| match (tolerance.mm, tolerance.deg) {
+                (Some(mm), Some(deg)) => format!(
+                    "{} mm and {} deg",
+                    super::figures::significant(mm),
+                    super::figures::significant(deg)
+                ),
+                _ => "no prior".to_owned(),
+            };
+            let each: Vec<String> = prior
+                .tried
+                .iter()
+                .map(|t| {
+                    let rms = super::figures::significant(t.rms_mm);
+                    format!("{} {rms}", shown(&t.tolerance))
+                })
+                .collect();
+            self.noticed.push(format!(
+                "size of the prior by cross-validation on {} rows of the fit: {}; rms of rows \
+                 left out, mm, with {}",
+                sizes.rows,
+                shown(&prior.tolerance),
+                each.join(", ")
+            ));
+        }
         if let Some(i) = &used.innovations {
             let say = match i.white {
                 Some(true) => "pass for white noise: the model holds from row to row",
@@ -512,7 +537,28 @@ fn estimator(problem: &Problem, calibration: &Calibration) -> schema::Estimator 
             drifts: i.drifts.map(|u| u.name(&calibration.complete.arm)),
             white: i.white(),
         }),
+        prior: prior(calibration),
     }
+}
+
+/// What the drawing counted for.
+fn prior(calibration: &Calibration) -> Option<schema::Prior> {
+    let method = &calibration.method;
+    let tolerance = |[length, angle]: [f64; 2]| schema::Tolerance {
+        mm: length.is_finite().then_some(length * MM),
+        deg: angle.is_finite().then_some(angle.to_degrees()),
+    };
+    let tried = calibration.sizes.iter().flat_map(|sizes| &sizes.tried);
+    method.estimator.uses_prior().then(|| schema::Prior {
+        tolerance: tolerance(method.tolerance),
+        tried: tried
+            .map(|tried| schema::Tried {
+                tolerance: tolerance(tried.tolerance),
+                rms_mm: tried.rms * MM,
+                rms_noise: tried.whitened,
+            })
+            .collect(),
+    })
 }
 
 /// Standard deviation of the tool point by the parameters alone.

@@ -48,7 +48,7 @@ pub enum Verdict {
 pub enum Status {
     /// Fitted.
     Identified,
-    /// Not observable here.
+    /// Not observable here, or held as asked.
     Fixed,
     /// Only a combination is observable.
     Merged,
@@ -313,6 +313,41 @@ pub struct Estimator {
     /// What a Kalman filter did not expect.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub innovations: Option<Innovations>,
+    /// What the drawing counts for, where it does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prior: Option<Prior>,
+}
+
+/// How far joint parameters may be from the drawing.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Prior {
+    /// The tolerance of the fit.
+    #[serde(flatten)]
+    pub tolerance: Tolerance,
+    /// Every size that was cross-validated, the weakest prior first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tried: Vec<Tried>,
+}
+
+/// One standard deviation; `null` where nothing is expected of joint parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Tolerance {
+    /// Of lengths.
+    pub mm: Option<f64>,
+    /// Of angles.
+    pub deg: Option<f64>,
+}
+
+/// A size of the prior, and rows of the fit that were left out of fits with it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Tried {
+    /// The size.
+    #[serde(flatten)]
+    pub tolerance: Tolerance,
+    /// Rms of their distances.
+    pub rms_mm: f64,
+    /// Rms of all their equations over the noise; the least is chosen.
+    pub rms_noise: f64,
 }
 
 /// A row that a robust loss trusts less than half.
