@@ -2,6 +2,7 @@
 //! differences, and without noise the true arm comes back.
 
 use crate::bound::{Bound, bound, posture, problem_of, surrounded};
+use crate::support::{folder, robot, said, truepose};
 use crate::synthetic::{self, CONVENTIONS, SIGMAS, anywhere, apart, arm, built, problem};
 use nalgebra::Vector3;
 use truepose::{Convention, Pose};
@@ -192,4 +193,136 @@ fn known_targets_show_the_tool_whole() {
     let of_tool =
         |(u, s): &&(Unknown, Status)| matches!(u, Unknown::Tool { .. }) && *s == Status::Identified;
     assert_eq!(calibration.statuses.iter().filter(of_tool).count(), 6);
+}
+
+/// A pinhole camera without distortion: focal length and centre, pixels. Its z axis looks ahead,
+/// x to the right of the image, y down.
+struct Camera {
+    focal: [f64; 2],
+    centre: [f64; 2],
+    pose: Pose<f64>,
+}
+
+impl Camera {
+    /// At `from`, looking at `to` in any roll.
+    fn looking(from: Vector3<f64>, to: Vector3<f64>, roll: f64) -> Self {
+        let z = (to - from).normalize();
+        let x = z.cross(&Vector3::z()).normalize();
+        let upright = nalgebra::Matrix3::from_columns(&[x, z.cross(&x), z]);
+        let turn = Pose::from_rotation_vector(&Vector3::new(0.0, 0.0, roll));
+        Self {
+            focal: [2700.0, 2690.0],
+            centre: [1231.0, 1019.0],
+            pose: Pose::new(upright * turn.rotation, from),
+        }
+    }
+
+    /// Where a point of the world is in the image of 2448 x 2048, if it is.
+    fn pixel(&self, p: &Vector3<f64>) -> Option<[f64; 2]> {
+        let p = self.pose.inverse().point(p);
+        let pixel = [0, 1].map(|k| self.centre[k] + self.focal[k] * p[k] / p.z);
+        let inside = (0.0..2448.0).contains(&pixel[0]) && (0.0..2048.0).contains(&pixel[1]);
+        (p.z > 0.0 && inside).then_some(pixel)
+    }
+
+    /// Azimuth and elevation, as docs/MEASUREMENTS.md turns pixels into them.
+    fn bearing(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        let right = (u - self.centre[0]) / self.focal[0];
+        let down = (v - self.centre[1]) / self.focal[1];
+        [(-right).atan2(1.0), (-down).atan2(right.hypot(1.0))]
+    }
+}
+
+#[test]
+fn pixels_of_two_cameras_beside_the_arm() {
+    let folder = folder("cameras");
+    let drawing = ArmModel::drawn(&robot(&folder));
+    let mut truth = drawing.clone();
+    let mut random = Random::new(3, 7);
+    for joint in &mut truth.joints {
+        for &parameter in joint.parameters() {
+            let off = random.between(-1e-3, 1e-3);
+            // beta is no parameter of this arm; the longest length gives the scale
+            let kept = parameter == truepose::Parameter::Beta || joint.d > 0.3;
+            *joint.parameter_mut(parameter) += if kept { 0.0 } else { off };
+        }
+    }
+    truth.bake();
+    let base = truth.bases[0];
+    let at = |x, y, z| base.point(&Vector3::new(x, y, z));
+    let middle = at(0.0, 0.0, 0.4);
+    let cameras = [
+        Camera::looking(at(1.5, 0.5, 0.8), middle, 0.3),
+        Camera::looking(at(-0.4, 2.2, 1.2), middle, -0.1),
+    ];
+    let limits = [165.0, 110.0, 70.0, 160.0, 120.0, 180.0_f64];
+    let mut evaluator = Evaluator::new(&truth, SIGMAS);
+    let mut csv = String::from("q1,q2,q3,q4,q5,q6,azimuth,elevation,azimuth2,elevation2\n");
+    let (mut rows, mut blank) = (0, 0);
+    let mut truly = Vec::new();
+    // a twentieth of a pixel
+    let sigma = 0.05;
+    while rows < 200 {
+        let q = limits.map(|l| random.between(-l, l).to_radians());
+        let none = vec![0.0; 6];
+        let p = evaluator.go(0, &q, &none, &truepose::effects::Ambient::default());
+        let seen = cameras.each_ref().map(|camera| {
+            let pixel = camera.pixel(&p.translation)?;
+            Some(camera.bearing(pixel.map(|x| x + sigma * random.normal())))
+        });
+        let cell = |b: Option<[f64; 2]>| b.map_or(",".to_owned(), |[a, e]| format!("{a},{e}"));
+        if seen.iter().all(Option::is_none) {
+            continue;
+        }
+        blank += seen.iter().filter(|b| b.is_none()).count();
+        let joints: Vec<String> = q.iter().map(f64::to_string).collect();
+        csv += &format!("{},{},{}\n", joints.join(","), cell(seen[0]), cell(seen[1]));
+        rows += 1;
+        truly.push(p.translation);
+    }
+    assert!(blank > 0);
+    std::fs::write(folder.join("d.csv"), csv).unwrap();
+    let declared = (sigma / 2700.0_f64).to_degrees();
+    let sidecar = format!("bearing_sigma_deg = {declared}\n");
+    std::fs::write(folder.join("d.toml"), sidecar).unwrap();
+    let arguments = [
+        "identify",
+        "--robot",
+        "robot.toml",
+        "--data",
+        "d.csv",
+        "--out",
+        "p.tpb",
+        "--json",
+        "r.json",
+    ];
+    let (status, out, err) = said(&truepose(&folder, &arguments));
+    assert_eq!(status, 0, "{out}{err}");
+    let text = std::fs::read_to_string(folder.join("r.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(report["verdict"], "nothing-missing", "{out}");
+    // an angle of the field of view is a little less than its pixels over the focal length
+    let estimated = report["noise_deg"]["estimated"].as_f64().unwrap();
+    assert!(
+        estimated / declared > 0.8 && estimated / declared < 1.05,
+        "{out}"
+    );
+    // It puts the tool where it is, seen from the first camera, as nearly as it says itself.
+    let sigma = report["model_sigma_mm"]["rms"].as_f64().unwrap() * 1e-3;
+    let arguments = [
+        "predict", "--params", "p.tpb", "--data", "d.csv", "--out", "pred.csv",
+    ];
+    let (status, out, err) = said(&truepose(&folder, &arguments));
+    assert_eq!(status, 0, "{out}{err}");
+    let text = std::fs::read_to_string(folder.join("pred.csv")).unwrap();
+    let mut squares = 0.0;
+    for (line, should) in text.lines().skip(1).zip(&truly) {
+        let values: Vec<f64> = line.split(',').map(|x| x.parse().unwrap()).collect();
+        let seen = cameras[0].pose.inverse().point(should);
+        let should = Vector3::new(seen.z, -seen.x, -seen.y);
+        squares += (Vector3::new(values[0], values[1], values[2]) - should).norm_squared();
+    }
+    assert_eq!(truly.len(), text.lines().count() - 1);
+    let rms = (squares / truly.len() as f64).sqrt();
+    assert!(sigma < 4e-5 && rms < 2.0 * sigma, "{rms} {sigma}");
 }
