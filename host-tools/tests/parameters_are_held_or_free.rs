@@ -526,6 +526,18 @@ fn a_controller_with_a_closed_form_gets_offsets_and_keeps_it() {
         assert_eq!(status, 0, "{out}{err}");
         let report = json(&folder.join("r.json"));
         assert_eq!(report["verdict"], "nothing-missing");
+        let count = &report["completeness"];
+        // 4R + 2P + 6; positions show all of them but the tool's turn
+        assert_eq!(
+            (count["complete"].as_u64(), count["rank"].as_u64()),
+            (Some(30), Some(30))
+        );
+        assert_eq!(count["identified"], if closed { 13 } else { 27 });
+        assert_eq!(count["held"], if closed { 24 } else { 0 });
+        assert!(
+            out.contains("4R + 2P + 6 = 30 parameters, which is the rank"),
+            "{out}"
+        );
         let bytes = fs::read(folder.join("p.tpb")).unwrap();
         let blob = Blob::decode(&bytes).unwrap();
         let model: Model<'_, f64, 6> = blob.model().unwrap();

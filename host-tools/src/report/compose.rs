@@ -17,6 +17,7 @@ use crate::identify::predicted::{Covariance, Uncertainty};
 use crate::identify::problem::{ASSUMED, Joints, Problem};
 use crate::identify::readings::Identified;
 use crate::identify::relation::Relation;
+use crate::identify::structure::{complete_count, structure};
 use crate::identify::uncertainty::chi_square_tail;
 use crate::identify::unknown::Unknown;
 use crate::identify::{Calibration, Failure, Stage, Status};
@@ -68,6 +69,7 @@ impl Report {
                 covariance: Covariance::of(&calibration.complete),
                 verdict: judgement.verdict,
                 effects: effects(calibration, &error_mm),
+                completeness: completeness(problem, calibration),
                 parameters: parameters(calibration),
                 joints: joints_used(identified),
                 notes: Vec::new(),
@@ -256,11 +258,24 @@ impl Report {
                 ));
             }
         }
-        let held = problem.held.len();
-        if held > 0 {
+        let count = &self.summary.completeness;
+        let of = match count.rank == count.complete {
+            true => "which is the rank of full poses all over the workspace".to_owned(),
+            false => format!(
+                "of which full poses all over the workspace tell {} apart",
+                count.rank
+            ),
+        };
+        self.noticed.push(format!(
+            "a complete model of this arm has 4R + 2P + 6 = {} parameters, {of}; {} of base, \
+             joints and tool are identified here",
+            count.complete, count.identified
+        ));
+        if count.held > 0 {
             self.noticed.push(format!(
-                "{held} parameters are held as asked: where they are wrong, the others, what is \
-                 left and effects that are found take it up"
+                "{} parameters are held as asked: where they are wrong, the others, what is left \
+                 and effects that are found take it up",
+                count.held
             ));
         }
         let used = &self.summary.estimator;
@@ -426,6 +441,29 @@ fn joint_unit(kind: JointKind) -> (&'static str, f64) {
     match kind {
         JointKind::Revolute => ("deg", 1.0_f64.to_degrees()),
         JointKind::Prismatic => ("mm", MM),
+    }
+}
+
+/// Of base, joints and tool.
+fn completeness(problem: &Problem, calibration: &Calibration) -> schema::Completeness {
+    let own = |u: &&Unknown| {
+        matches!(
+            u,
+            Unknown::Base { session: 0, .. } | Unknown::Joint(..) | Unknown::Tool { .. }
+        )
+    };
+    let arm = &calibration.nominal.arm;
+    schema::Completeness {
+        complete: complete_count(arm),
+        rank: structure(arm, problem.sigmas).unknowns.len(),
+        held: problem.held.len(),
+        identified: calibration
+            .geometric
+            .fit
+            .unknowns
+            .iter()
+            .filter(own)
+            .count(),
     }
 }
 

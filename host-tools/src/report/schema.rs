@@ -392,6 +392,19 @@ pub struct JointsUsed {
     pub difference: Vec<f64>,
 }
 
+/// Parameters of base, joints and tool, effects and what stands around the arm aside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Completeness {
+    /// Of a complete model, 4R + 2P + 6 (MRD 2.95).
+    pub complete: usize,
+    /// That full poses all over the workspace tell apart, nothing being held: the numerical rank.
+    pub rank: usize,
+    /// Held as asked.
+    pub held: usize,
+    /// Identified from these measurements.
+    pub identified: usize,
+}
+
 /// The whole report. What is beyond FORMATS.md (`noise_deg`, `joints`, `notes`) is left out
 /// where there is nothing to say.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -426,6 +439,8 @@ pub struct Summary {
     pub verdict: Verdict,
     /// Effects in the final model.
     pub effects: Vec<Effect>,
+    /// How many parameters count.
+    pub completeness: Completeness,
     /// Every parameter.
     pub parameters: Vec<Parameter>,
     /// Covariance of the identified parameters, SI units.
