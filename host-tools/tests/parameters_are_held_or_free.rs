@@ -637,6 +637,26 @@ fn diagnose_and_plan_take_the_same_names() {
 }
 
 #[test]
+fn what_is_held_and_wrong_is_not_explained_by_an_effect() {
+    let folder = folder("held-wrong");
+    table(&folder, 60, Vec::new());
+    for command in ["diagnose", "identify"] {
+        let (status, out, err) = run(&folder, command, &["--hold", "joint 3 theta"]);
+        assert_eq!(status, 0, "{out}{err}");
+        let verdict = json(&folder.join("r.json"))["verdict"].clone();
+        assert!(
+            verdict == "ambiguous" || verdict == "structure-remains",
+            "{verdict}"
+        );
+        let says = "most of all joint 3 theta would leave its drawn value";
+        assert!(out.contains(says), "{out}");
+    }
+    // what is held and right is only counted
+    let (_, out, _) = run(&folder, "identify", &["--only", "offsets"]);
+    assert!(out.contains("24 parameters are held as asked\n"), "{out}");
+}
+
+#[test]
 fn a_prior_takes_its_size_from_the_rows_where_asked() {
     let folder = folder("prior-size");
     table(&folder, 40, Vec::new());

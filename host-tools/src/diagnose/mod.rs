@@ -9,6 +9,7 @@ pub mod control;
 pub mod curve;
 mod doubt;
 mod exchange;
+pub mod freed;
 pub mod friction;
 mod groups;
 pub mod hypothesis;

@@ -7,6 +7,8 @@ use truepose::effects::Kind;
 
 use super::verdict::judge;
 use super::{Distances, Report, Row, schema};
+use crate::diagnose::UNDECIDED;
+use crate::diagnose::freed::{Freed, freed};
 use crate::identify::arm::ArmModel;
 use crate::identify::assess::{Errors, Statistics, errors};
 use crate::identify::bootstrap::Bootstrap;
@@ -92,6 +94,7 @@ impl Report {
             assumed: Vec::new(),
             held_back: Vec::new(),
             noticed: judgement.noticed,
+            held_explains: false,
         };
         report.estimate_noise(data, identified);
         report.say(data, identified);
@@ -272,11 +275,14 @@ impl Report {
             count.complete, count.identified
         ));
         if count.held > 0 {
-            self.noticed.push(format!(
-                "{} parameters are held as asked: where they are wrong, the others, what is left \
-                 and effects that are found take it up",
-                count.held
-            ));
+            let mut sentence = format!("{} parameters are held as asked", count.held);
+            if let Some(freed) = freed(problem, calibration)
+                && freed.delta_bic > -UNDECIDED
+            {
+                sentence.push_str(&wrongly_held(&freed));
+                self.held_explains = true;
+            }
+            self.noticed.push(sentence);
         }
         let used = &self.summary.estimator;
         if !used.outliers.is_empty() {
@@ -442,6 +448,27 @@ fn joint_unit(kind: JointKind) -> (&'static str, f64) {
         JointKind::Revolute => ("deg", 1.0_f64.to_degrees()),
         JointKind::Prismatic => ("mm", MM),
     }
+}
+
+/// What speaks against what is held.
+fn wrongly_held(freed: &Freed) -> String {
+    let of = |(unknown, sigmas): &(Unknown, f64)| {
+        let arm = &freed.stage.arm;
+        let name = unknown.name(arm);
+        format!("; most of all {name} would leave its drawn value, by {sigmas:.0} standard errors")
+    };
+    format!(
+        ", and may be what is wrong: with everything free, geometry alone leaves {} mm rms of the \
+         held-back rows (BIC {} by {}){}",
+        super::figures::significant(freed.rms * MM),
+        if freed.delta_bic > 0.0 {
+            "better"
+        } else {
+            "worse"
+        },
+        super::figures::significant(freed.delta_bic.abs()),
+        freed.farthest.as_ref().map_or(String::new(), of)
+    )
 }
 
 /// Of base, joints and tool.

@@ -46,7 +46,11 @@ impl Report {
                     geometric: spread(geometric),
                     complete: spread(complete),
                 });
-        report.summary.verdict = verdict(diagnosis);
+        report.summary.verdict = match verdict(diagnosis) {
+            // an effect stands where a parameter that is held may be wrong
+            Verdict::Explained if report.held_explains => Verdict::Ambiguous,
+            verdict => verdict,
+        };
         report.evidence = evidence(diagnosis);
         report.reasons = reasons(diagnosis, &report);
         for finding in input {

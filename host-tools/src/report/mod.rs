@@ -41,6 +41,8 @@ pub struct Report {
     pub held_back: Vec<String>,
     /// What deserves a look, a sentence each.
     pub noticed: Vec<String>,
+    /// A parameter that is held as asked may be what is wrong.
+    pub held_explains: bool,
 }
 
 /// Errors of the same points by three models, mm.
