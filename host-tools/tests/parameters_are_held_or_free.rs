@@ -460,8 +460,19 @@ fn a_wish_that_cannot_be_is_explained() {
             other => panic!("{wish:?}: {:?}", other.map(|p| p.held)),
         }
     }
-    // base roll and pitch, all of the tool and of the joints are held here
-    assert!(asked(&drawing, &data, &wish(&["base yaw"], &["joint"], &[])).is_ok());
+    // --only never holds the base, and the tool where the base is named
+    let base = asked(&drawing, &data, &wish(&["base"], &[], &[])).unwrap();
+    let tool = asked(&drawing, &data, &wish(&["tool"], &[], &[])).unwrap();
+    let x = [
+        Unknown::Base {
+            session: 0,
+            axis: 0,
+        },
+        Unknown::Tool { axis: 0 },
+    ];
+    assert_eq!(x.map(|u| base.held.contains(&u)), [false, true]);
+    assert_eq!(x.map(|u| tool.held.contains(&u)), [false, false]);
+    assert!(tool.held.contains(&Unknown::Joint(2, Parameter::A)));
     let nothing = asked(&drawing, &data, &wish(&[], &["base", "tool", "joint"], &[])).unwrap();
     assert_eq!(identify(&nothing).err(), Some(Failure::NothingFree));
     // what no drawing knows
@@ -651,7 +662,9 @@ fn what_is_held_and_wrong_is_not_explained_by_an_effect() {
         let says = "most of all joint 3 theta would leave its drawn value";
         assert!(out.contains(says), "{out}");
     }
-    // what is held and right is only counted
+    // what is held and right, or what another takes up whole, is only counted
+    let (_, out, _) = run(&folder, "identify", &["--hold", "tool"]);
+    assert!(out.contains("6 parameters are held as asked\n"), "{out}");
     let (_, out, _) = run(&folder, "identify", &["--only", "offsets"]);
     assert!(out.contains("24 parameters are held as asked\n"), "{out}");
 }

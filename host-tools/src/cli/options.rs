@@ -52,8 +52,8 @@ pub(super) struct Page {
 #[derive(Debug, Args)]
 pub(super) struct Chosen {
     /// Identify these alone: names of the report's table or their first words, * for any word,
-    /// e.g. "joint 3" or "joint * a", or offsets: every joint's zero position. Base and tool
-    /// are found with them unless one of the names is theirs
+    /// e.g. "joint 3" or "joint * a", or offsets: every joint's zero position. The base
+    /// is found with them, and the tool unless base is one of the names
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     only: Vec<String>,
     /// Keep these as drawn, named likewise, e.g. tool or "joint * alpha"

@@ -4,6 +4,7 @@
 //! So geometry with everything free and without effects is set against the model that was found,
 //! on the same rows.
 
+use super::UNDECIDED;
 use crate::identify::assess::{Statistics, errors};
 use crate::identify::held::Held;
 use crate::identify::linearize::residuals;
@@ -28,7 +29,8 @@ pub struct Freed {
     pub farthest: Option<(Unknown, f64)>,
 }
 
-/// `None` where nothing is held, or where the rows do not do for more.
+/// `None` where nothing is held, where geometry is no better with it free, as with a known tool
+/// whose place the last joint takes, or where the rows do not do for more.
 pub fn freed(problem: &Problem, calibration: &Calibration) -> Option<Freed> {
     if problem.held.is_empty() {
         return None;
@@ -45,6 +47,10 @@ pub fn freed(problem: &Problem, calibration: &Calibration) -> Option<Freed> {
         let n = residual.len().max(1) as f64;
         n * (residual.norm_squared() / n).ln() + stage.fit.unknowns.len() as f64 * n.ln()
     };
+    let freer = bic(&stage, &rows);
+    if bic(&calibration.geometric, &rows) - freer < UNDECIDED {
+        return None;
+    }
     let rms = Statistics::of(&errors(&stage.arm, &unseen(problem, calibration)).distances)?.rms;
     let held = stage
         .fit
@@ -56,7 +62,7 @@ pub fn freed(problem: &Problem, calibration: &Calibration) -> Option<Freed> {
         Some((*unknown, off.abs() / stage.sigma(*unknown)?))
     };
     Some(Freed {
-        delta_bic: bic(&calibration.complete, &rows) - bic(&stage, &rows),
+        delta_bic: bic(&calibration.complete, &rows) - freer,
         rms,
         farthest: held.filter_map(away).max_by(|a, b| a.1.total_cmp(&b.1)),
         stage,

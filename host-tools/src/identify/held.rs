@@ -13,8 +13,8 @@ use super::unknown::Unknown;
 /// What to identify, as patterns; nothing asked: everything.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Wish {
-    /// All others of base, joints and tool are held; base and tool only where one of these
-    /// names either, for an instrument stands anywhere.
+    /// All other parameters of joints are held, and the tool where one of these names the base.
+    /// The base is not: an instrument stands anywhere.
     pub only: Vec<String>,
     /// Held.
     pub hold: Vec<String>,
@@ -55,9 +55,9 @@ impl Wish {
         let only = all.matched(arm, "only", &self.only)?;
         let hold = all.matched(arm, "hold", &self.hold)?;
         let free = all.matched(arm, "free", &self.free)?;
-        // base and tool are chosen among only where a pattern names one of them
-        let placed = |u: &Unknown| matches!(u, Unknown::Base { .. } | Unknown::Tool { .. });
-        let literal = only.iter().flatten().any(placed);
+        // an instrument stands anywhere, and a tool that is not what is asked of stands with it
+        let base = |u: &Unknown| matches!(u, Unknown::Base { .. });
+        let placed = only.iter().flatten().any(base);
         let by = |of: &[Vec<Unknown>], unknown: &Unknown| {
             of.iter().position(|matched| matched.contains(unknown))
         };
@@ -68,7 +68,11 @@ impl Wish {
             ..Held::default()
         };
         for (unknown, _) in all.0.iter().filter(|(u, _)| drawn(u, arm)) {
-            let chosen = matches!(unknown, Unknown::Joint(..)) || literal && placed(unknown);
+            let chosen = match unknown {
+                Unknown::Joint(..) => true,
+                Unknown::Tool { .. } => placed,
+                _ => false,
+            };
             let left = !only.is_empty() && chosen && by(&only, unknown).is_none();
             let asked = by(&hold, unknown).and_then(|k| self.hold.get(k));
             let why = match asked {
