@@ -1,11 +1,14 @@
 //! What is large and not in a hurry.
 
 use crate::chain::{BakedJoint, Frame};
-use crate::compensate::{Along, descent, lqr, minimum_move, step};
+use crate::budget::Moment;
+use crate::compensate::descent::{self, Next, Search};
+use crate::compensate::{PoseError, damped, error, lqr, minimum_move, rigid, step, swift, task_point};
 use crate::effects::{Ambient, Unnamed, unnamed};
 use crate::prepared;
-use crate::taught::{Cmac, Outputs, Place, Region, cmac, place};
-use crate::{Prepared, Scalar};
+use crate::model::Prediction;
+use crate::taught::{Cmac, Outputs, Place, Polynomial, Region, cmac, place, polynomial};
+use crate::{Pose, Prepared, Scalar, Twist};
 use nalgebra::Vector3;
 
 /// Declares a trait of functions and implements it for both number types.
@@ -66,60 +69,77 @@ aside! {
         prices: &mut [Self],
     ) = lqr::prices;
 
-    /// Where each joint may go.
-    fn keep_near(
-        room: &mut [[Self; 2]],
-        joints: &[BakedJoint<Self>],
-        q: &[Self],
-        bound: &[Self; 2],
-    ) = step::keep_near;
-
     /// Says which of `q` stand at an end of their interval.
     fn bounded(q: &[Self], room: &[[Self; 2]], clamped: &mut [bool]) = step::bounded;
 
     /// Moves each of `q` into its interval.
     fn confine(q: &mut [Self], room: &[[Self; 2]]) = step::confine;
 
-    /// A step, each joint kept in its interval.
-    fn advance(
-        from: &[Self],
-        step: &[Self],
-        scale: Self,
-        room: &[[Self; 2]],
+    /// See [`Search`].
+    fn set_out(
+        search: &mut Search<'_, Self>,
+        q: &[Self],
+        asked: &[Self],
+        found: &[Self],
+    ) = descent::set_out;
+
+    /// See [`Search`].
+    fn carry_on(
+        search: &mut Search<'_, Self>,
+        prediction: &Prediction<Self>,
+        now: &Moment,
+    ) -> Next = descent::carry_on::<Self, false>;
+
+    /// The same of fewer than six joints.
+    fn carry_on_few(
+        search: &mut Search<'_, Self>,
+        prediction: &Prediction<Self>,
+        now: &Moment,
+    ) -> Next = descent::carry_on::<Self, true>;
+
+    /// See [`Search`].
+    fn answer(search: &mut Search<'_, Self>, q: &[Self]) = task_point::answer;
+
+    /// See [`Search`].
+    fn arrive(
+        search: &Search<'_, Self>,
         q: &mut [Self],
-    ) = step::advance;
+        clamped: &mut [bool],
+    ) -> [PoseError<Self>; 2] = descent::arrive;
 
-    /// The joints' share of multipliers.
-    fn projected(columns: &[[Self; 6]], y: &[Self; 6], step: &mut [Self]) = step::projected;
+    /// The twist from one pose to another.
+    fn between(predicted: &Pose<Self>, desired: &Pose<Self>) -> Twist<Self> = error::between;
 
-    /// What efforts make of a damped step's equations.
-    fn eased(
+    /// Six damped equations.
+    fn shared_multipliers(
         columns: &[[Self; 6]],
-        effort: &[Self],
-        away: &[Self],
-        damping: Self,
-        right: &mut [Self; 6],
-        ease: &mut [Self],
-        back: &mut [Self],
-    ) -> Self = step::eased;
+        shares: &[Self],
+        mu: Self,
+        e: &[Self; 6],
+        clearance: bool,
+    ) -> ([Self; 6], [Self; 2]) = damped::shared_multipliers;
 
-    /// Coordinate descent inside a box.
-    fn sweep(
-        columns: &[[Self; 6]],
-        error: &[Self; 6],
-        joints: &mut [Along<Self>],
-        room: &[[Self; 2]],
-        p: &mut [Self],
-    ) = step::sweep;
+    /// Sine and cosine of each joint.
+    fn turn_to(joints: &[BakedJoint<Self>], q: &[Self], turns: &mut [[Self; 2]]) = rigid::turn_to;
 
-    /// Half of what a merit falls along a step.
-    fn half_slope(
-        error: &[Self; 6],
-        columns: &[[Self; 6]],
-        effort: &[Self],
-        away: &[Self],
-        step: &[Self],
-    ) -> Self = descent::half_slope;
+    /// What a regulator asks back of the way so far.
+    fn undo(
+        error: &mut Twist<Self>,
+        columns: &[Twist<Self>],
+        q: &[Self],
+        start: &[Self],
+        share: Self,
+    ) = swift::undo;
+
+    /// The same of the steps.
+    fn withdraw(steps: &mut [Self], q: &[Self], start: &[Self], share: Self) = swift::withdraw;
+
+    /// See [`Polynomial::evaluate`].
+    fn polynomial(
+        polynomial: &Polynomial<'_, Self>,
+        q: &[Self],
+        delta: &mut [Self],
+    ) -> Option<[Self; 3]> = polynomial::corrections;
 
     /// Columns of the weighted joint Jacobian.
     fn weighted_jacobian(

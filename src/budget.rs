@@ -114,7 +114,30 @@ impl<'c, C: Clock> Budget<'c, C> {
     /// Whether `cost` more cycles still fit.
     #[inline]
     pub fn fits(&self, cost: u32) -> bool {
-        self.spent()
+        self.moment().fits(cost)
+    }
+
+    #[inline]
+    pub(crate) fn moment(&self) -> Moment {
+        Moment {
+            spent: self.spent(),
+            limit: self.limit,
+        }
+    }
+}
+
+/// A budget as it is at a moment.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment {
+    pub(crate) spent: u32,
+    limit: u32,
+}
+
+impl Moment {
+    /// Whether `cost` more cycles still fit.
+    #[inline]
+    pub fn fits(&self, cost: u32) -> bool {
+        self.spent
             .checked_add(cost)
             .is_some_and(|end| end <= self.limit)
     }

@@ -23,6 +23,7 @@ mod settings;
 #[cfg(feature = "storage")]
 pub mod storage;
 pub mod taught;
+mod vector;
 
 pub use chain::{BakedJoint, Frame, Gauge, LinkMass, bake, forward};
 pub use joint::{Convention, Joint, JointKind, Parameter, ParameterTwist};

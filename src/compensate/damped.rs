@@ -13,17 +13,8 @@
 
 use nalgebra::Vector3;
 
+use crate::vector::{along, less, square, times};
 use crate::{Scalar, Twist};
-
-/// `a x b`, each entry one product less another.
-#[inline(always)]
-pub(super) fn cross<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
-    Vector3::new(
-        a.y * b.z - a.z * b.y,
-        a.z * b.x - a.x * b.z,
-        a.x * b.y - a.y * b.x,
-    )
-}
 
 /// Symmetric 3 x 3, lower triangle.
 #[derive(Clone, Copy, Debug)]
@@ -117,7 +108,11 @@ impl<T: Scalar> Factor<T> {
     /// `L⁻¹` times a matrix of three rows.
     #[inline(always)]
     fn before(&self, [x, y, z]: [Vector3<T>; 3]) -> [Vector3<T>; 3] {
-        [x, y - x * self.yx, z - y * self.zy + x * self.corner()]
+        [
+            x,
+            less(&y, &times(&x, self.yx)),
+            along(&less(&z, &times(&y, self.zy)), &x, self.corner()),
+        ]
     }
 
     /// Trace of the inverse of the factored matrix: its eigenvalues' reciprocals added up.
@@ -130,7 +125,8 @@ impl<T: Scalar> Factor<T> {
 
     #[inline(always)]
     fn scaled(&self, b: &Vector3<T>) -> Vector3<T> {
-        b.component_mul(&self.inverse)
+        let i = &self.inverse;
+        Vector3::new(b.x * i.x, b.y * i.y, b.z * i.z)
     }
 }
 
@@ -207,9 +203,9 @@ impl<T: Scalar> NormalMatrix<T> {
         self.angular.add_product(&a.angular, &b.angular);
         let (v, w) = (&a.linear, &b.angular);
         let [x, y, z] = &mut self.mixed;
-        *x += w * v.x;
-        *y += w * v.y;
-        *z += w * v.z;
+        *x = along(x, w, v.x);
+        *y = along(y, w, v.y);
+        *z = along(z, w, v.z);
     }
 
     /// Solves for `y`; where `clearance` is asked for, with the two halves of the trace of the
@@ -224,32 +220,35 @@ impl<T: Scalar> NormalMatrix<T> {
         let (lx, ly, lz) = (upper.scaled(&x), upper.scaled(&y), upper.scaled(&z));
         let a = &self.linear;
         let lower = Symmetric {
-            xx: less(a.xx, &lx, &x),
-            yx: less(a.yx, &ly, &x),
-            yy: less(a.yy, &ly, &y),
-            zx: less(a.zx, &lz, &x),
-            zy: less(a.zy, &lz, &y),
-            zz: less(a.zz, &lz, &z),
+            xx: rest(a.xx, &lx, &x),
+            yx: rest(a.yx, &ly, &x),
+            yy: rest(a.yy, &ly, &y),
+            zx: rest(a.zx, &lz, &x),
+            zy: rest(a.zy, &lz, &y),
+            zz: rest(a.zz, &lz, &z),
         }
         .factor(floor);
         let f = upper.forward(&e.angular);
         let b = &e.linear;
         let g = lower.forward(&Vector3::new(
-            less(b.x, &lx, &f),
-            less(b.y, &ly, &f),
-            less(b.z, &lz, &f),
+            rest(b.x, &lx, &f),
+            rest(b.y, &ly, &f),
+            rest(b.z, &lz, &f),
         ));
         let linear = lower.backward(&lower.scaled(&g));
-        let rest = upper.scaled(&f) - lx * linear.x - ly * linear.y - lz * linear.z;
-        let solution = Twist::new(linear, upper.backward(&rest));
+        let mut angular = upper.scaled(&f);
+        for (l, k) in [(&lx, linear.x), (&ly, linear.y), (&lz, linear.z)] {
+            angular = less(&angular, &times(l, k));
+        }
+        let solution = Twist::new(linear, upper.backward(&angular));
         let traces = if clearance {
             let rows = [&lx, &ly, &lz].map(|row| upper.behind(row));
             let [x, y, z] = lower.before(rows);
             let i = &lower.inverse;
             let angular = upper.inverse_trace()
-                + i.x * x.norm_squared()
-                + i.y * y.norm_squared()
-                + i.z * z.norm_squared();
+                + i.x * square(&x)
+                + i.y * square(&y)
+                + i.z * square(&z);
             [lower.inverse_trace(), angular]
         } else {
             [T::zero(); 2]
@@ -260,7 +259,7 @@ impl<T: Scalar> NormalMatrix<T> {
 
 /// `a - u · v`.
 #[inline(always)]
-fn less<T: Scalar>(a: T, u: &Vector3<T>, v: &Vector3<T>) -> T {
+fn rest<T: Scalar>(a: T, u: &Vector3<T>, v: &Vector3<T>) -> T {
     a - u.x * v.x - u.y * v.y - u.z * v.z
 }
 
@@ -299,8 +298,7 @@ pub(super) fn multipliers<T: Scalar>(
 /// `clearance` is asked for, with the two halves of the trace of `(J S Jᵀ + mu I)⁻¹`, linear
 /// and angular. No pivot is taken below `mu`, which is what it leaves of one without rounding:
 /// so there is always an answer.
-#[inline(never)]
-pub(super) fn shared_multipliers<T: Scalar>(
+pub(crate) fn shared_multipliers<T: Scalar>(
     columns: &[[T; 6]],
     shares: &[T],
     mu: T,
@@ -314,7 +312,8 @@ pub(super) fn shared_multipliers<T: Scalar>(
     let count = core::hint::black_box(columns.len());
     for (column, &share) in columns.iter().zip(shares).take(count) {
         let column = twist(column);
-        normal.add_product(&column.scaled(share), &column);
+        let shared = Twist::new(times(&column.linear, share), times(&column.angular, share));
+        normal.add_product(&shared, &column);
     }
     let (y, traces) = normal.solve(&twist(e), Some(mu), clearance);
     (y.rows(), traces)

@@ -1,43 +1,27 @@
-//! The iteration that the model-based compensators share: damped steps, each tested against
-//! the model before it counts.
+//! The search that the model-based compensators share: damped steps, each tested against the
+//! model before it counts.
+//!
+//! [`carry_on`] takes what the model says of the last command that was tried, and says what is
+//! next. So the search knows neither clock nor number of joints, and is compiled with this crate
+//! for size; the evaluation between two calls is compiled with the caller for speed.
 
 use nalgebra::Vector3;
 
-use super::Status;
-use super::damped::{cross, shared_multipliers};
-use super::error::{PoseError, between};
+use super::error::PoseError;
 use super::inverse_jacobian::singular_effort;
 use super::solve::dot;
-use super::step::{Columns, clearance, damped_step, within_box};
-use crate::budget::{Budget, Clock, Cost};
+use super::step::{clearance, damped_step};
+use super::{Status, step, task_point, taught};
+use crate::budget::Moment;
 use crate::jacobian::joint_column;
-use crate::model::{Prediction, Room};
-use crate::{BakedJoint, Frame, Pose, Prepared, Scalar, Settings, Twist};
+use crate::model::{Model, Prediction, Room, Scratch};
+use crate::taught::Taught;
+use crate::vector::{cross, less, square, times};
+use crate::{BakedJoint, Frame, Method, Pose, Scalar, Settings, Twist};
 
-/// One problem: reach `desired` from `start` without leaving `room`.
-pub(super) struct Descent<'p, T: Scalar, const N: usize> {
-    /// The calibrated arm under the request's conditions.
-    pub(super) arm: &'p Prepared<'p, T>,
-    pub(super) joints: &'p [BakedJoint<T>; N],
-    pub(super) settings: &'p Settings<T>,
-    pub(super) desired: &'p Pose<T>,
-    /// The command that came in, inside the limits.
-    pub(super) start: [T; N],
-    /// Where each joint may go.
-    pub(super) room: [[T; 2]; N],
-    pub(super) resolution: &'p [T; N],
-    /// What a correction costs, per square of rad or m, one a joint.
-    pub(super) effort: [T; N],
-    /// No effort, and joints enough for six equations.
-    pub(super) free: bool,
-    /// Longest iteration so far, cycles.
-    pub(super) longest: u32,
-}
-
-/// A command and where the model puts it.
+/// What the model says of a command.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Point<T: Scalar, const N: usize> {
-    pub(super) q: [T; N],
+pub(super) struct Point<T: Scalar> {
     /// Predicted to desired.
     pub(super) twist: Twist<T>,
     /// Squares of position and orientation error.
@@ -50,11 +34,10 @@ pub(super) struct Point<T: Scalar, const N: usize> {
     tool: Vector3<T>,
 }
 
-impl<T: Scalar, const N: usize> Point<T, N> {
+impl<T: Scalar> Point<T> {
     fn nowhere() -> Self {
         let o = T::zero();
         Self {
-            q: [o; N],
             twist: Twist::zero(),
             squares: [o; 2],
             square: o,
@@ -63,21 +46,16 @@ impl<T: Scalar, const N: usize> Point<T, N> {
         }
     }
 
-    /// Predicted error.
-    pub(super) fn error(&self) -> PoseError<T> {
-        size(self.squares)
-    }
 }
 
 /// Room for a search, kept from one request to the next to save filling it with zeros.
 #[derive(Clone, Debug)]
 pub(super) struct Work<T: Scalar, const N: usize> {
-    /// Of the last evaluation.
-    pub(super) room: Room<T, N>,
-    /// Weighted joint Jacobian.
-    columns: Columns<T, N>,
-    /// The best, and those that are tried.
-    pub(super) points: [Point<T, N>; 3],
+    room: Room<T, N>,
+    columns: [[T; 6]; N],
+    reach: [[T; 2]; N],
+    rows: [[T; N]; 7],
+    course: Course<T>,
 }
 
 impl<T: Scalar, const N: usize> Default for Work<T, N> {
@@ -85,21 +63,135 @@ impl<T: Scalar, const N: usize> Default for Work<T, N> {
         Self {
             room: Room::default(),
             columns: [[T::zero(); 6]; N],
-            points: [Point::nowhere(); 3],
+            reach: [[T::zero(); 2]; N],
+            rows: [[T::zero(); N]; 7],
+            course: Course {
+                initial: Point::nowhere(),
+                best: Point::nowhere(),
+                trial: Point::nowhere(),
+                tried: Tried::Start,
+                begin: Begin::Columns,
+                free: false,
+                slope: T::zero(),
+                scale: T::zero(),
+                shortenings: 0,
+                iterations: 0,
+                asked: Pose::identity(),
+                best_asked: Pose::identity(),
+            },
         }
     }
 }
 
-/// What a search comes to.
-pub(super) struct Found<'w, T: Scalar, const N: usize> {
-    /// Error of the start.
-    pub(super) initial: PoseError<T>,
-    pub(super) best: &'w Point<T, N>,
-    pub(super) status: Status,
+impl<T: Scalar, const N: usize> Work<T, N> {
+    /// A search for the pose `desired`. `through`: whether the caller has inverse kinematics of
+    /// its own; `cost`: what an iteration may take, cycles.
+    pub(super) fn search<'s>(
+        &'s mut self,
+        model: &'s Model<'_, T, N>,
+        settings: &'s Settings<T>,
+        desired: &'s Pose<T>,
+        through: bool,
+        cost: u32,
+    ) -> Search<'s, T> {
+        let [start, best, trial, effort, correction, step, inverse] = &mut self.rows;
+        Search {
+            joints: &model.calibrated.joints,
+            limits: &model.limits,
+            resolution: &model.resolution,
+            taught: &model.taught,
+            settings,
+            desired,
+            through,
+            cost,
+            start,
+            reach: &mut self.reach,
+            effort,
+            correction,
+            scratch: self.room.scratch(),
+            columns: &mut self.columns,
+            step,
+            inverse,
+            best,
+            trial,
+            course: &mut self.course,
+        }
+    }
+}
+
+/// One problem: to reach `desired` from `start` without leaving `reach`. Every slice has one
+/// place a joint.
+#[derive(Debug)]
+pub struct Search<'s, T: Scalar> {
+    joints: &'s [BakedJoint<T>],
+    limits: &'s [[T; 2]],
+    resolution: &'s [T],
+    pub(super) taught: &'s Taught<'s, T>,
+    pub(super) settings: &'s Settings<T>,
+    pub(super) desired: &'s Pose<T>,
+    through: bool,
+    pub(super) cost: u32,
+    /// The command that came in, inside the limits.
+    pub(super) start: &'s mut [T],
+    /// Where each joint may go.
+    pub(super) reach: &'s mut [[T; 2]],
+    /// What a correction costs, per square of rad or m.
+    pub(super) effort: &'s mut [T],
+    /// What came of the last request: the search begins with the same.
+    correction: &'s mut [T],
+    /// Of the last evaluation.
+    pub(super) scratch: Scratch<'s, T>,
+    /// Weighted joint Jacobian.
+    pub(super) columns: &'s mut [[T; 6]],
+    pub(super) step: &'s mut [T],
+    /// Room for [`step::within_box`].
+    inverse: &'s mut [T],
+    /// The best so far, and what is tried.
+    pub(super) best: &'s mut [T],
+    pub(super) trial: &'s mut [T],
+    pub(super) course: &'s mut Course<T>,
+}
+
+/// How far a search is.
+#[derive(Clone, Debug)]
+pub(super) struct Course<T: Scalar> {
+    pub(super) initial: Point<T>,
+    pub(super) best: Point<T>,
+    pub(super) trial: Point<T>,
+    pub(super) tried: Tried,
+    begin: Begin<T>,
+    /// No effort, and joints enough for six equations.
+    free: bool,
+    /// Twice what the merit falls along the step at first.
+    slope: T,
+    /// How much of the step is tried, and how often it was shortened.
+    scale: T,
+    shortenings: u8,
     pub(super) iterations: u8,
+    /// What the caller's inverse kinematics are asked for, and what led to the best.
+    pub(super) asked: Pose<T>,
+    pub(super) best_asked: Pose<T>,
+}
+
+/// Where a command came from.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Tried {
+    /// It came in.
+    Start,
+    /// With what is remembered.
+    Remembered,
+    /// A step.
+    Step,
+    /// The caller's inverse kinematics.
+    Answer,
+    /// Tables.
+    Taught,
+    /// A part of what they say.
+    Part,
 }
 
 /// Where a step begins.
+#[derive(Clone, Copy, Debug)]
 enum Begin<T> {
     /// With the frames of the last evaluation.
     Frames,
@@ -109,326 +201,406 @@ enum Begin<T> {
     Solved([T; 6]),
 }
 
+/// What a search wants.
+#[derive(Clone, Copy, Debug)]
+pub enum Next {
+    /// What the model says of the command that is tried.
+    Evaluate,
+    /// The same, after the caller's inverse kinematics have given that command.
+    Ask,
+    /// Nothing more.
+    Done(Status),
+}
+
 /// Steps that bring less than a quarter of what the linear model promises are shortened, at
 /// most this often.
 const SHORTENINGS: u8 = 3;
 
-impl<T: Scalar, const N: usize> Descent<'_, T, N> {
-    /// From the start, or from the start plus the `remembered` correction where that is
-    /// better. `None` where the model gives no finite pose for the start.
-    pub(super) fn run<'w, C: Clock>(
-        &mut self,
-        remembered: &[T; N],
-        work: &'w mut Work<T, N>,
-        budget: &Budget<'_, C>,
-        cost: &Cost,
-    ) -> Option<Found<'w, T, N>> {
-        let Work {
-            room,
-            columns,
-            points: [best, trial, _],
-        } = work;
-        best.q = self.start;
-        if !self.evaluate(best, room) {
-            return None;
+/// Sets out from the command `q`. `asked` and `found`: the last one that was compensated, and
+/// what came of it.
+pub(crate) fn set_out<T: Scalar>(search: &mut Search<'_, T>, q: &[T], asked: &[T], found: &[T]) {
+    let settings = search.settings;
+    step::copy(search.start, q);
+    step::confine(search.start, search.limits);
+    step::copy(search.trial, search.start);
+    step::copy(search.reach, search.limits);
+    step::keep_near(
+        search.reach,
+        search.joints,
+        search.start,
+        &settings.correction_bound,
+    );
+    for effort in search.effort.iter_mut() {
+        *effort = T::zero();
+    }
+    if settings.method == Method::Lqr {
+        T::prices(
+            settings.effort,
+            search.start,
+            search.joints,
+            search.limits,
+            search.effort,
+        );
+    }
+    for (correction, (&found, &asked)) in search.correction.iter_mut().zip(found.iter().zip(asked))
+    {
+        *correction = found - asked;
+    }
+    let course = &mut *search.course;
+    course.tried = Tried::Start;
+    course.free = false;
+    course.iterations = 0;
+    course.asked = *search.desired;
+    course.best_asked = *search.desired;
+}
+
+/// Goes on with what the model predicts for the command that was tried. `FEW`: fewer than six
+/// joints.
+pub(crate) fn carry_on<T: Scalar, const FEW: bool>(
+    search: &mut Search<'_, T>,
+    prediction: &Prediction<T>,
+    now: &Moment,
+) -> Next {
+    let finite = search.judge(prediction);
+    let better = finite && search.course.trial.square < search.course.best.square;
+    match search.course.tried {
+        Tried::Start => {
+            search.accept();
+            search.course.initial = search.course.best;
+            if !finite {
+                return Next::Done(Status::PredictionNotFinite);
+            }
+            match search.settings.method {
+                _ if search.converged() => Next::Done(Status::Converged),
+                Method::Polynomial | Method::Cmac => taught::begin::<T, FEW>(search, now),
+                Method::TaskPoint if search.through() => {
+                    search.cost = search.cost.saturating_mul(task_point::SHARE);
+                    task_point::ask(search, now)
+                }
+                Method::InverseJacobian | Method::Lqr | Method::TaskPoint => {
+                    search.begin::<FEW>(now)
+                }
+            }
         }
-        let (initial, squares, square) = (best.error(), best.squares, best.square);
-        let found = |best, status, iterations| Found {
-            initial,
-            best,
-            status,
-            iterations,
-        };
-        if self.converged(best) {
-            return Some(found(best, Status::Converged, 0));
+        Tried::Remembered => {
+            if finite && search.course.trial.merit < search.course.initial.square {
+                search.accept();
+                search.course.begin = Begin::Frames;
+            }
+            search.next_step::<FEW>(now)
         }
+        Tried::Step => search.measure::<FEW>(finite, now),
+        Tried::Answer => {
+            search.course.iterations += 1;
+            if !better {
+                return Next::Done(Status::Settled);
+            }
+            search.accept();
+            search.course.best_asked = search.course.asked;
+            task_point::ask(search, now)
+        }
+        Tried::Taught | Tried::Part => {
+            if finite && matches!(search.course.tried, Tried::Taught) && taught::shorten(search) {
+                return Next::Evaluate;
+            }
+            search.course.iterations = 1;
+            if better {
+                search.accept();
+            }
+            Next::Done(match search.converged() {
+                true => Status::Converged,
+                false => Status::Settled,
+            })
+        }
+    }
+}
+
+impl<T: Scalar> Search<'_, T> {
+    /// Takes what was tried for the best.
+    fn accept(&mut self) {
+        self.course.best = self.course.trial;
+        core::mem::swap(&mut self.best, &mut self.trial);
+    }
+
+    /// From the start, or from the start with the remembered correction where that is better.
+    fn begin<const FEW: bool>(&mut self, now: &Moment) -> Next {
         if self.settings.max_iterations == 0 {
-            return Some(found(best, Status::IterationLimit, 0));
+            return Next::Done(Status::IterationLimit);
         }
         // From the start's own configuration, wherever the search begins: so that the problem,
         // and with it the answer, does not depend on what is remembered.
-        let mut begin = self.add_singular_effort(best, room, columns);
-        let (mut best, mut trial) = (best, trial);
-        if remembered.iter().any(|d| !d.is_zero()) {
-            self.move_to(&self.start, remembered, T::one(), &mut trial.q);
-            if self.evaluate(trial, room) && trial.merit < square {
-                core::mem::swap(&mut best, &mut trial);
-                begin = Begin::Frames;
-            }
+        self.add_singular_effort::<FEW>();
+        if self.correction.iter().all(|d| d.is_zero()) {
+            return self.next_step::<FEW>(now);
         }
-        let (best, status, iterations) =
-            self.iterate(best, trial, begin, room, columns, budget, cost);
-        // Never worse: the merit only falls, so this guards against rounding alone.
-        if best.square > square {
-            best.q = self.start;
-            best.squares = squares;
-        }
-        Some(found(best, status, iterations))
+        step::advance(
+            self.start,
+            self.correction,
+            T::one(),
+            self.reach,
+            self.trial,
+        );
+        self.course.tried = Tried::Remembered;
+        Next::Evaluate
     }
 
-    #[expect(clippy::too_many_arguments, reason = "the places of one search")]
-    fn iterate<'w, C: Clock>(
-        &mut self,
-        mut best: &'w mut Point<T, N>,
-        mut trial: &'w mut Point<T, N>,
-        mut begin: Begin<T>,
-        room: &mut Room<T, N>,
-        columns: &mut Columns<T, N>,
-        budget: &Budget<'_, C>,
-        cost: &Cost,
-    ) -> (&'w mut Point<T, N>, Status, u8) {
-        let mut iterations = 0;
-        loop {
-            if self.converged(best) {
-                return (best, Status::Converged, iterations);
-            }
-            if let Some(status) = self.halt(iterations, budget, cost.iteration) {
-                return (best, status, iterations);
-            }
-            let begun = budget.spent();
-            if matches!(begin, Begin::Frames) {
-                self.set_columns(best, room, columns);
-            }
-            let mut step = [T::zero(); N];
-            let Some(slope) = self.step(best, &begin, columns, &mut step) else {
-                return (best, Status::Settled, iterations);
-            };
-            begin = Begin::Frames;
-            let mut scale = T::one();
-            for shortening in 0..=SHORTENINGS {
-                self.move_to(&best.q, &step, scale, &mut trial.q);
-                let finite = self.evaluate(trial, room);
-                iterations += 1;
-                self.longest = self.longest.max(budget.spent().wrapping_sub(begun));
-                let gain = if finite {
-                    (best.merit - trial.merit) / (slope * scale)
-                } else {
-                    -T::one() / T::EPSILON
-                };
-                if gain >= T::of(0.25) {
-                    core::mem::swap(&mut best, &mut trial);
-                    break;
-                }
-                let stop = if shortening == SHORTENINGS {
-                    Some(Status::Settled)
-                } else {
-                    self.halt(iterations, budget, cost.iteration)
-                };
-                match stop {
-                    // No time to shorten it: it still may be better than nothing.
-                    Some(status) if gain > T::zero() => return (trial, status, iterations),
-                    Some(status) => return (best, status, iterations),
-                    // Half as far again as the parabola through value, slope and new value
-                    // has its minimum: the full step for a gain of one quarter, and less
-                    // without a jump below.
-                    None => scale *= T::of(0.75) / (T::one() - gain),
-                }
-            }
+    /// A step from the best, if there is one.
+    fn next_step<const FEW: bool>(&mut self, now: &Moment) -> Next {
+        if self.converged() {
+            return Next::Done(Status::Converged);
         }
+        if let Some(status) = self.halt(now) {
+            return Next::Done(status);
+        }
+        if matches!(self.course.begin, Begin::Frames) {
+            self.set_columns();
+        }
+        let Some(slope) = self.solve::<FEW>() else {
+            return Next::Done(Status::Settled);
+        };
+        let course = &mut *self.course;
+        course.tried = Tried::Step;
+        course.begin = Begin::Frames;
+        course.slope = slope;
+        course.scale = T::one();
+        course.shortenings = 0;
+        self.try_step()
+    }
+
+    fn try_step(&mut self) -> Next {
+        step::advance(
+            self.best,
+            self.step,
+            self.course.scale,
+            self.reach,
+            self.trial,
+        );
+        Next::Evaluate
+    }
+
+    /// Takes the step that was tried, or shortens it.
+    fn measure<const FEW: bool>(&mut self, finite: bool, now: &Moment) -> Next {
+        let course = &mut *self.course;
+        course.iterations += 1;
+        let gain = if finite {
+            (course.best.merit - course.trial.merit) / (course.slope * course.scale)
+        } else {
+            -T::one() / T::EPSILON
+        };
+        if gain >= T::of(0.25) {
+            self.accept();
+            return self.next_step::<FEW>(now);
+        }
+        let stop = if course.shortenings == SHORTENINGS {
+            Some(Status::Settled)
+        } else {
+            self.halt(now)
+        };
+        if let Some(status) = stop {
+            // No time to shorten it: it still may be better than nothing.
+            if gain > T::zero() {
+                self.accept();
+            }
+            return Next::Done(status);
+        }
+        // Half as far again as the parabola through value, slope and new value has its minimum:
+        // the full step for a gain of one quarter, and less without a jump below.
+        self.course.scale *= T::of(0.75) / (T::one() - gain);
+        self.course.shortenings += 1;
+        self.try_step()
     }
 
     /// Why not to go on, if so.
-    pub(super) fn halt<C: Clock>(
-        &self,
-        iterations: u8,
-        budget: &Budget<'_, C>,
-        cost: u32,
-    ) -> Option<Status> {
-        if iterations >= self.settings.max_iterations {
+    pub(super) fn halt(&self, now: &Moment) -> Option<Status> {
+        if self.course.iterations >= self.settings.max_iterations {
             Some(Status::IterationLimit)
-        } else if !budget.fits(cost) {
+        } else if !now.fits(self.cost) {
             Some(Status::OutOfBudget)
         } else {
             None
         }
     }
 
-    /// The step from `best`, whose Jacobian is in `columns`, and twice what the merit falls
-    /// along it at first; `None` where there is nothing to gain.
-    #[inline(never)]
-    fn step(
-        &self,
-        best: &Point<T, N>,
-        begin: &Begin<T>,
-        columns: &Columns<T, N>,
-        step: &mut [T; N],
-    ) -> Option<T> {
+    /// Sets the step from the best, whose Jacobian is in the columns. Returns twice what the
+    /// merit falls along it at first; `None` where there is nothing to gain.
+    fn solve<const FEW: bool>(&mut self) -> Option<T> {
+        let best = &self.course.best;
         let error = self.weighted(&best.twist);
         let damping = self.settings.damping;
-        let mut half_slope = if self.free {
-            let y = match begin {
-                Begin::Solved(y) => *y,
-                _ => shared_multipliers(columns, &[T::one(); N], damping, &error, false).0,
+        let mut half_slope = None;
+        if self.course.free {
+            let y = match self.course.begin {
+                Begin::Solved(y) => y,
+                _ => {
+                    for one in self.step.iter_mut() {
+                        *one = T::one();
+                    }
+                    T::shared_multipliers(self.columns, self.step, damping, &error, false).0
+                }
             };
-            T::projected(columns, &y, step);
+            step::projected(self.columns, &y, self.step);
             // (W J p) · W e, since W J p = W e - λ² y.
-            dot(&error, &error) - damping * dot(&y, &error)
+            half_slope = Some(dot(&error, &error) - damping * dot(&y, &error));
         } else {
-            let away = self.away(best);
-            *step = damped_step(columns, &error, &self.effort, &away, damping);
-            self.half_slope(&error, columns, &away, step)
-        };
+            damped_step::<T, FEW>(
+                self.columns,
+                &error,
+                self.effort,
+                [self.best, self.start],
+                damping,
+                self.step,
+            );
+        }
+        let (inside, mut resolved) = self.moves();
+        if !inside {
+            step::within_box(
+                self.columns,
+                &error,
+                self.effort,
+                [self.best, self.start],
+                damping,
+                self.reach,
+                self.inverse,
+                self.step,
+            );
+            (_, resolved) = self.moves();
+            half_slope = None;
+        }
+        let half_slope = half_slope.unwrap_or_else(|| {
+            step::half_slope(
+                &error,
+                self.columns,
+                self.effort,
+                [self.best, self.start],
+                self.step,
+            )
+        });
+        let slope = half_slope * T::of(2.0);
+        // NaN fails both.
+        (resolved && slope > self.course.best.merit * T::EPSILON).then_some(slope)
+    }
+
+    /// Whether the step stays inside the reach, and whether it moves a joint by half its
+    /// resolution.
+    fn moves(&self) -> (bool, bool) {
         let (mut inside, mut resolved) = (true, false);
-        let joints = step.iter().zip(self.resolution);
-        for ((&p, &r), (&q, &[low, high])) in joints.zip(best.q.iter().zip(&self.room)) {
+        let joints = self.step.iter().zip(self.resolution);
+        for ((&p, &r), (&q, &[low, high])) in joints.zip(self.best.iter().zip(&*self.reach)) {
             inside &= p >= low - q && p <= high - q;
             resolved |= p.abs() * T::of(2.0) > r;
         }
-        if !inside {
-            let away = self.away(best);
-            let mut reach = self.room;
-            for (reach, &q) in reach.iter_mut().zip(&best.q) {
-                *reach = reach.map(|x| x - q);
-            }
-            within_box(columns, &error, &self.effort, &away, damping, &reach, step);
-            half_slope = self.half_slope(&error, columns, &away, step);
-            let mut moves = step.iter().zip(self.resolution);
-            resolved = moves.any(|(p, &r)| p.abs() * T::of(2.0) > r);
-        }
-        let slope = half_slope * T::of(2.0);
-        // NaN fails both.
-        (resolved && slope > best.merit * T::EPSILON).then_some(slope)
+        (inside, resolved)
     }
 
-    /// From the start.
-    fn away(&self, point: &Point<T, N>) -> [T; N] {
-        let mut away = point.q;
-        for (away, &start) in away.iter_mut().zip(&self.start) {
-            *away -= start;
-        }
-        away
-    }
-
-    /// Half of what the merit falls along `step` at first.
-    fn half_slope(
-        &self,
-        error: &[T; 6],
-        columns: &Columns<T, N>,
-        away: &[T; N],
-        step: &[T; N],
-    ) -> T {
-        T::half_slope(error, columns, &self.effort, away, step)
-    }
-
-    /// Where the model puts the command in `point`, whose other fields are set; false if
-    /// nowhere finite.
-    #[inline(never)]
-    pub(super) fn evaluate(&self, point: &mut Point<T, N>, room: &mut Room<T, N>) -> bool {
-        let prediction = self.arm.predict(&point.q, &mut room.scratch());
-        let twist = rest(&prediction, self.desired);
+    /// Takes what the model says of the command that is tried; false if it is not finite.
+    fn judge(&mut self, prediction: &Prediction<T>) -> bool {
+        let twist = rest(prediction, self.desired);
         let weighted = self.weighted(&twist);
-        let square = dot(&weighted, &weighted);
-        let squares = [twist.linear.norm_squared(), twist.angular.norm_squared()];
-        let mut merit = square;
-        if !self.free {
-            for ((&g, &q), &start) in self.effort.iter().zip(&point.q).zip(&self.start) {
+        let whole = dot(&weighted, &weighted);
+        let squares = [square(&twist.linear), square(&twist.angular)];
+        let mut merit = whole;
+        if !self.course.free {
+            let ends = self.trial.iter().zip(&*self.start);
+            for (&g, (&q, &start)) in self.effort.iter().zip(ends) {
                 merit += g * ((q - start) * (q - start));
             }
         }
-        point.twist = twist;
-        point.squares = squares;
-        point.square = square;
-        point.merit = merit;
-        point.tool = prediction.rigid.translation;
-        square.finite() && squares.iter().all(|x| x.finite())
+        self.course.trial = Point {
+            twist,
+            squares,
+            square: whole,
+            merit,
+            tool: prediction.rigid.translation,
+        };
+        whole.finite() && squares.iter().all(|x| x.finite())
     }
 
-    /// Sets `q` to `from` plus `scale` times `step`, inside the room.
-    pub(super) fn move_to(&self, from: &[T; N], step: &[T; N], scale: T, q: &mut [T; N]) {
-        T::advance(from, step, scale, &self.room, q);
+    fn weights(&self) -> [T; 2] {
+        [
+            self.settings.position_weight,
+            self.settings.orientation_weight,
+        ]
     }
 
     pub(super) fn weighted(&self, twist: &Twist<T>) -> [T; 6] {
-        let settings = self.settings;
-        weighted(
-            twist,
-            [settings.position_weight, settings.orientation_weight],
-        )
+        weighted(twist, self.weights())
     }
 
-    /// The joints' share of a small displacement `twist` of the tool at `point`, whose frames
-    /// are in `room`.
-    pub(super) fn damped(
-        &self,
-        point: &Point<T, N>,
-        twist: &Twist<T>,
-        room: &Room<T, N>,
-    ) -> [T; N] {
-        let (mut columns, none) = ([[T::zero(); 6]; N], [T::zero(); N]);
-        self.set_columns(point, room, &mut columns);
-        let twist = self.weighted(twist);
-        damped_step(&columns, &twist, &none, &none, self.settings.damping)
-    }
-
-    /// Sets the weighted joint Jacobian at `point`, whose frames are in `room`.
-    fn set_columns(&self, point: &Point<T, N>, room: &Room<T, N>, columns: &mut Columns<T, N>) {
-        let weights = [
-            self.settings.position_weight,
-            self.settings.orientation_weight,
-        ];
-        T::weighted_jacobian(self.joints, room.frames(), &point.tool, weights, columns);
+    /// Sets the weighted joint Jacobian at the best, whose frames are those of the last
+    /// evaluation.
+    pub(super) fn set_columns(&mut self) {
+        weighted_jacobian(
+            self.joints,
+            self.scratch.frames,
+            &self.course.best.tool,
+            self.weights(),
+            self.columns,
+        );
     }
 
     /// Adds to the effort what the nearness of a singular configuration asks for. Sets the
     /// columns, and solves for the first step where there is no effort at all.
-    fn add_singular_effort(
-        &mut self,
-        start: &Point<T, N>,
-        room: &Room<T, N>,
-        columns: &mut Columns<T, N>,
-    ) -> Begin<T> {
-        self.set_columns(start, room, columns);
-        let weights = [
-            self.settings.position_weight,
-            self.settings.orientation_weight,
-        ];
+    fn add_singular_effort<const FEW: bool>(&mut self) {
+        self.set_columns();
+        let start = &self.course.best;
         let error = self.weighted(&start.twist);
-        let (clear, y) = clearance(columns, weights, self.settings.damping, &error);
+        let damping = self.settings.damping;
+        let (clear, y) =
+            clearance::<T, FEW>(self.columns, self.weights(), damping, &error, self.step);
         let extra = singular_effort(clear, self.settings.singular_value, start.square);
-        for effort in &mut self.effort {
+        for effort in self.effort.iter_mut() {
             *effort += extra;
         }
-        self.free = N >= 6 && self.effort.iter().all(|g| g.is_zero());
-        y.map_or(Begin::Columns, Begin::Solved)
+        self.course.free = !FEW && self.effort.iter().all(|g| g.is_zero());
+        self.course.begin = y.map_or(Begin::Columns, Begin::Solved);
     }
 
-    /// Whether both errors are below their tolerances, or below what can be told apart in
-    /// this number type.
-    pub(super) fn converged(&self, point: &Point<T, N>) -> bool {
-        below(self.settings, &point.squares, &point.tool)
+    /// Whether both errors of the best are below their tolerances, or below what can be told
+    /// apart in this number type.
+    pub(super) fn converged(&self) -> bool {
+        let best = &self.course.best;
+        below(self.settings, &best.squares, &best.tool)
+    }
+
+    /// Whether it goes through the caller's inverse kinematics.
+    pub(super) fn through(&self) -> bool {
+        self.through && self.settings.method == Method::TaskPoint
     }
 }
 
-/// `step · ((W J)ᵀ error - G away)`.
-pub(crate) fn half_slope<T: Scalar>(
-    error: &[T; 6],
-    columns: &[[T; 6]],
-    effort: &[T],
-    away: &[T],
-    step: &[T],
-) -> T {
-    let mut slope = T::zero();
-    let efforts = effort.iter().zip(away);
-    for ((&p, column), (&g, &d)) in step.iter().zip(columns).zip(efforts) {
-        slope += p * (dot(column, error) - g * d);
-    }
-    slope
+/// Sets `q` to the best that was found, and says which joints stand at an end of where they may
+/// go. Returns the error at the start, and the one that is left.
+pub(crate) fn arrive<T: Scalar>(
+    search: &Search<'_, T>,
+    q: &mut [T],
+    clamped: &mut [bool],
+) -> [PoseError<T>; 2] {
+    let Course { initial, best, .. } = &*search.course;
+    // Never worse: the merit only falls, so this guards against rounding alone.
+    let (found, best) = if best.square > initial.square {
+        (&search.start, initial)
+    } else {
+        (&search.best, best)
+    };
+    step::copy(q, found);
+    step::bounded(q, search.reach, clamped);
+    [initial, best].map(|point| size(point.squares))
 }
 
 /// The twist from what is predicted to `desired`.
 ///
 /// Of a small displacement t it is that from the rigid chain's pose, e, less t: the logarithm of
 /// `exp(e) exp(-t)` is `e - t - e x t / 2`, and what is left out is below |t|² / 6 of the result.
-#[inline(always)]
 fn rest<T: Scalar>(prediction: &Prediction<T>, desired: &Pose<T>) -> Twist<T> {
     let t = &prediction.twist;
-    if t.angular.norm_squared() > T::of(1e-4) {
-        return between(&prediction.pose(), desired);
+    if square(&t.angular) > T::of(1e-4) {
+        return T::between(&prediction.pose(), desired);
     }
-    let e = between(&prediction.rigid, desired);
+    let e = T::between(&prediction.rigid, desired);
+    let half = times(&cross(&e.angular, &t.angular), T::of(0.5));
     Twist::new(
-        e.linear - t.linear,
-        e.angular - t.angular - cross(&e.angular, &t.angular) * T::of(0.5),
+        less(&e.linear, &t.linear),
+        less(&less(&e.angular, &t.angular), &half),
     )
 }
 

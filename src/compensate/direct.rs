@@ -11,7 +11,7 @@
 
 use nalgebra::Vector3;
 
-use super::damped::cross;
+use crate::vector::{cross, dot};
 use crate::{Scalar, Twist};
 
 /// Volume that the last three axes span, all of length one, at least.
@@ -33,11 +33,6 @@ pub(super) fn across<T: Scalar>([c4, c5, c6]: [&Twist<T>; 3]) -> Option<([Vector
         return None;
     }
     Some(([bc, cross(c, a), cross(a, b)], T::one() / volume))
-}
-
-#[inline(always)]
-pub(super) fn dot<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> T {
-    a.x * b.x + a.y * b.y + a.z * b.z
 }
 
 /// What bounds `V2 Z2⁻¹`, in which the last three axes' ways to the point come together.

@@ -21,7 +21,7 @@
 //! Weights: `Q = diag(k2/|p|², .., 2 k1, ..)` of 5.170 is the square of
 //! [`crate::Settings::position_weight`] and [`crate::Settings::orientation_weight`].
 
-use super::step::{Columns, damped_step};
+use super::step::damped_step;
 use crate::{BakedJoint, JointKind, Scalar};
 
 /// Share of a joint's travel at each end in which corrections of it become dearer.
@@ -39,10 +39,15 @@ pub fn corrections<T: Scalar, const N: usize>(
     error: &[T; 6],
     gamma: &[T; N],
 ) -> [T; N] {
-    let columns: &Columns<T, N> = columns;
     let least = T::of(1e-9);
     let effort = gamma.map(|g| if g > least { g - least } else { T::zero() });
-    damped_step(columns, error, &effort, &[T::zero(); N], least)
+    let (zero, mut step) = ([T::zero(); N], [T::zero(); N]);
+    let ends: [&[T]; 2] = [&zero, &zero];
+    match N < 6 {
+        true => damped_step::<T, true>(columns, error, &effort, ends, least, &mut step),
+        false => damped_step::<T, false>(columns, error, &effort, ends, least, &mut step),
+    }
+    step
 }
 
 /// The prices γ_k of MRD 5.136 at the nominal command `q`.

@@ -1,9 +1,7 @@
 //! Commands in whole steps of the joints. MRD 5.5 to 5.8.
 
 use super::descent::weighted;
-use super::error::between;
 use super::solve::{add, dot};
-use super::step::Columns;
 use crate::effects::Conditions;
 use crate::model::{Model, Room};
 use crate::{Pose, PreparedJoint, Scalar};
@@ -32,8 +30,8 @@ pub fn nearest<T: Scalar, const N: usize>(
     let prediction = prepared.predict(q, &mut room.scratch());
     let settings = &model.settings;
     let weights = [settings.position_weight, settings.orientation_weight];
-    let error = between(&prediction.pose(), desired);
-    let mut columns: Columns<T, N> = [[T::zero(); 6]; N];
+    let error = T::between(&prediction.pose(), desired);
+    let mut columns: [[T; 6]; N] = [[T::zero(); 6]; N];
     let tool = &prediction.rigid.translation;
     let joints = &model.calibrated.joints;
     T::weighted_jacobian(joints, room.frames(), tool, weights, &mut columns);

@@ -10,18 +10,18 @@
 //!   done stands in [`inverse_jacobian`];
 //! - the same bits for the same input, state and number type on every core.
 
-mod damped;
+pub(crate) mod damped;
 pub(crate) mod descent;
 mod direct;
-mod error;
+pub(crate) mod error;
 pub mod inverse_jacobian;
 pub mod lqr;
 pub mod minimum_move;
-mod rigid;
+pub(crate) mod rigid;
 mod solve;
 pub mod spherical_wrist;
 pub(crate) mod step;
-mod swift;
+pub(crate) mod swift;
 pub mod task_point;
 mod taught;
 mod wrist_jacobian;
@@ -31,9 +31,8 @@ use crate::effects::Conditions;
 use crate::model::Model;
 use crate::{Method, Pose, PreparedJoint, Scalar, Settings};
 
-use descent::Descent;
+use descent::Next;
 pub use error::PoseError;
-pub(crate) use step::Along;
 use task_point::Inverse;
 
 /// What to correct.
@@ -329,76 +328,66 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
                 &nominal
             }
         };
-        let settings = &self.settings;
-        let mut effort = [T::zero(); N];
-        if settings.method == Method::Lqr {
-            let Model {
-                calibrated, limits, ..
-            } = self.model;
-            let gamma = settings.effort;
-            T::prices(gamma, &start, &calibrated.joints, limits, &mut effort);
-        }
-        let room = self.room(&start);
-        let mut descent = Descent {
-            arm: &self.model.prepare(&request.conditions, &mut self.prepared),
-            joints: &self.model.calibrated.joints,
-            settings,
-            desired,
-            start,
-            room,
-            resolution: &self.model.resolution,
-            effort,
-            free: false,
-            longest: 0,
-        };
-        let mut remembered = self.state.found;
-        for (correction, &asked) in remembered.iter_mut().zip(&self.state.asked) {
-            *correction -= asked;
-        }
-        let work = &mut self.search;
-        let mut task_point = None;
-        let found = match (settings.method, inverse) {
-            (Method::TaskPoint, Some(inverse)) => {
-                task_point::run(&mut descent, inverse, work, budget, cost).map(|(found, asked)| {
-                    task_point = Some(asked);
-                    found
-                })
+        let (model, settings) = (self.model, &self.settings);
+        let prepared = model.prepare(&request.conditions, &mut self.prepared);
+        let mut search =
+            self.search
+                .search(model, settings, desired, inverse.is_some(), cost.iteration);
+        let State { asked, found, .. } = &self.state;
+        T::set_out(&mut search, &request.q, asked, found);
+        let mut begun = None;
+        let status = loop {
+            let prediction = prepared.predict(search.trial, &mut search.scratch);
+            let now = &budget.moment();
+            let next = match N < 6 {
+                true => T::carry_on_few(&mut search, &prediction, now),
+                false => T::carry_on(&mut search, &prediction, now),
+            };
+            // From one evaluation to the next; the first has the start before it.
+            let spent = budget.spent();
+            if let Some(begun) = begun {
+                let share = if search.through() { task_point::SHARE } else { 1 };
+                let iteration = spent.wrapping_sub(begun) / share;
+                self.state.longest = self.state.longest.max(iteration);
             }
-            (Method::Polynomial | Method::Cmac, _) => {
-                taught::run(&self.model.taught, &mut descent, work, budget, cost)
-            }
-            (Method::InverseJacobian | Method::Lqr | Method::TaskPoint, _) => {
-                descent.run(&remembered, work, budget, cost)
+            begun = Some(spent);
+            match next {
+                Next::Evaluate => {}
+                Next::Ask => {
+                    let near = search.best.first_chunk();
+                    let ask = inverse.zip(near);
+                    match ask.and_then(|(inverse, near)| inverse(&search.course.asked, near)) {
+                        Some(q) => T::answer(&mut search, &q),
+                        None => {
+                            search.course.iterations += 1;
+                            break Status::Settled;
+                        }
+                    }
+                }
+                Next::Done(status) => break status,
             }
         };
-        self.state.longest = self.state.longest.max(descent.longest);
-        let Some(found) = found else {
-            return self.unchanged(start, Status::PredictionNotFinite, budget);
-        };
-        let best = found.best;
-        if settings.method == Method::TaskPoint && task_point.is_none() {
-            task_point = Some(self.model.nominal_pose(&best.q));
+        if status == Status::PredictionNotFinite {
+            return self.unchanged(start, status, budget);
         }
+        let mut q = start;
         let mut clamped = [false; N];
-        T::bounded(&best.q, &descent.room, &mut clamped);
+        let [initial, remaining] = T::arrive(&search, &mut q, &mut clamped);
+        let task_point = match settings.method {
+            Method::TaskPoint if inverse.is_some() => Some(search.course.best_asked),
+            Method::TaskPoint => Some(model.nominal_pose(&q)),
+            _ => None,
+        };
         Outcome {
-            q: best.q,
-            status: found.status,
+            q,
+            status,
             task_point,
-            iterations: found.iterations,
-            initial: Some(found.initial),
-            remaining: Some(best.error()),
+            iterations: search.course.iterations,
+            initial: Some(initial),
+            remaining: Some(remaining),
             clamped,
             cycles: budget.spent(),
         }
-    }
-
-    /// Where each joint may go: within its limits and the correction bound around `start`.
-    fn room(&self, start: &[T; N]) -> [[T; 2]; N] {
-        let mut room = self.model.limits;
-        let joints = &self.model.calibrated.joints;
-        T::keep_near(&mut room, joints, start, &self.settings.correction_bound);
-        room
     }
 
     fn within_limits(&self, q: &[T; N]) -> [T; N] {

@@ -3,8 +3,8 @@
 
 use nalgebra::Vector3;
 
-use super::damped::cross;
 use crate::chain::BakedJoint;
+use crate::vector::{add_cross, cross, square};
 use crate::{Pose, Scalar, Twist};
 
 /// Where the pass has come to: axes of a frame, and the way from its origin to the target's,
@@ -116,22 +116,6 @@ impl<T: Scalar> Walk<T> {
     }
 }
 
-/// `sum + a x b`.
-#[inline(always)]
-pub(super) fn add_cross<T: Scalar>(sum: &Vector3<T>, a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
-    Vector3::new(
-        sum.x + a.y * b.z - a.z * b.y,
-        sum.y + a.z * b.x - a.x * b.z,
-        sum.z + a.x * b.y - a.y * b.x,
-    )
-}
-
-/// Square of the length.
-#[inline(always)]
-pub(super) fn square<T: Scalar>(v: &Vector3<T>) -> T {
-    v.x * v.x + v.y * v.y + v.z * v.z
-}
-
 /// Sine and cosine of each joint.
 #[inline(always)]
 pub(super) fn turns_at<T: Scalar>(joints: &[BakedJoint<T>], q: &[T], turns: &mut [[T; 2]]) {
@@ -142,8 +126,7 @@ pub(super) fn turns_at<T: Scalar>(joints: &[BakedJoint<T>], q: &[T], turns: &mut
 }
 
 /// [`turns_at`] where it is rare.
-#[inline(never)]
-pub(super) fn turn_to<T: Scalar>(joints: &[BakedJoint<T>], q: &[T], turns: &mut [[T; 2]]) {
+pub(crate) fn turn_to<T: Scalar>(joints: &[BakedJoint<T>], q: &[T], turns: &mut [[T; 2]]) {
     turns_at(joints, q, turns);
 }
 

@@ -59,10 +59,10 @@ impl<T: Scalar, const K: usize> Factor<T, K> {
         x
     }
 
-    /// Trace of `(L D Lᵀ)⁻¹`: the sum of the reciprocal eigenvalues.
-    pub(super) fn inverse_trace(&self) -> T {
+    /// Trace of the first `rows` rows of `(L D Lᵀ)⁻¹`: the sum of the reciprocal eigenvalues.
+    pub(super) fn inverse_trace(&self, rows: usize) -> T {
         let mut trace = T::zero();
-        for column in 0..K {
+        for column in (0..K).take(rows) {
             // Column of the inverse of L.
             let mut x = [T::zero(); K];
             x[column] = T::one();

@@ -14,207 +14,144 @@
 //! `p = S Jᵀ W (W J S Jᵀ W + μ I)⁻¹ W (e + J b) - b` with `M = G + λ² I`, `μ = min M`,
 //! `S = μ M⁻¹`, `b = M⁻¹ G (q - start)`; below, as it stands.
 
-use super::damped::shared_multipliers;
 use super::solve::{Factor, add, dot};
 use crate::{BakedJoint, JointKind, Scalar};
 
-/// Weighted joint Jacobian, one column a joint.
-pub(super) type Columns<T, const N: usize> = [[T; 6]; N];
-
-/// The damped step `p`. `columns`: `W J`; `error`: `W e`; `effort`: diagonal of G; `away`:
-/// `q - start`; `damping`: `λ²`.
-#[inline(never)]
-pub(super) fn damped_step<T: Scalar, const N: usize>(
-    columns: &Columns<T, N>,
-    error: &[T; 6],
-    effort: &[T; N],
-    away: &[T; N],
-    damping: T,
-) -> [T; N] {
-    if N < 6 {
-        return normal_step(columns, error, effort, away, damping);
-    }
-    let mut step = [T::zero(); N];
-    let mut ease = [T::one(); N];
-    if effort.iter().all(|g| g.is_zero()) {
-        let (y, _) = shared_multipliers(columns, &ease, damping, error, false);
-        T::projected(columns, &y, &mut step);
-        return step;
-    }
-    let mut back = [T::zero(); N];
-    let mut right = *error;
-    let mu = T::eased(
-        columns, effort, away, damping, &mut right, &mut ease, &mut back,
-    );
-    let (y, _) = shared_multipliers(columns, &ease, mu, &right, false);
-    T::projected(columns, &y, &mut step);
-    for (step, (&ease, &back)) in step.iter_mut().zip(ease.iter().zip(&back)) {
-        *step = *step * ease - back;
-    }
-    step
-}
-
-/// Sets the diagonal of S, `ease`, and `b`, `back`, which are ones and zeros, and adds `W J b`
-/// to the `right` side. Returns `μ`.
-pub(crate) fn eased<T: Scalar>(
+/// The damped step `p`. `columns`: `W J`; `error`: `W e`; `effort`: diagonal of G; `[q, start]`;
+/// `damping`: `λ²`. `FEW`: fewer than six joints.
+pub(super) fn damped_step<T: Scalar, const FEW: bool>(
     columns: &[[T; 6]],
+    error: &[T; 6],
     effort: &[T],
-    away: &[T],
+    [q, start]: [&[T]; 2],
     damping: T,
-    right: &mut [T; 6],
-    ease: &mut [T],
-    back: &mut [T],
-) -> T {
-    let least = effort.iter().fold(None, |m: Option<T>, &g| {
-        Some(m.map_or(g, |m| if g < m { g } else { m }))
-    });
+    step: &mut [T],
+) {
+    let places = effort.iter().zip(q.iter().zip(start));
+    if FEW {
+        let mut h = normal_matrix(columns);
+        let mut right = [T::zero(); FEW_JOINTS];
+        let rows = h.iter_mut().zip(&mut right).enumerate();
+        for ((j, (row, right)), (column, (&g, (&q, &start)))) in rows.zip(columns.iter().zip(places))
+        {
+            *right = dot(column, error) - g * (q - start);
+            if let Some(diagonal) = row.get_mut(j) {
+                *diagonal += g + damping;
+            }
+        }
+        copy(step, &Factor::of(&h, damping).solve(&right));
+        return;
+    }
+    let mut least = None;
+    for &g in effort {
+        least = Some(least.map_or(g, |least| if g < least { g } else { least }));
+    }
     let mu = damping + least.unwrap_or_else(T::zero);
-    let places = ease.iter_mut().zip(back.iter_mut());
-    for (((ease, back), (&g, &d)), column) in places.zip(effort.iter().zip(away)).zip(columns) {
+    let mut right = *error;
+    for ((ease, (&g, (&q, &start))), column) in step.iter_mut().zip(places.clone()).zip(columns) {
         let stiffness = g + damping;
         *ease = mu / stiffness;
-        *back = g * d / stiffness;
-        add(right, column, *back);
+        add(&mut right, column, g * (q - start) / stiffness);
     }
-    mu
+    let (y, _) = T::shared_multipliers(columns, step, mu, &right, false);
+    for ((step, (&g, (&q, &start))), column) in step.iter_mut().zip(places).zip(columns) {
+        *step = dot(column, &y) * *step - g * (q - start) / (g + damping);
+    }
 }
 
 /// Sets `step` to `(W J)ᵀ y`.
-pub(crate) fn projected<T: Scalar>(columns: &[[T; 6]], y: &[T; 6], step: &mut [T]) {
+pub(super) fn projected<T: Scalar>(columns: &[[T; 6]], y: &[T; 6], step: &mut [T]) {
     for (step, column) in step.iter_mut().zip(columns) {
         *step = dot(column, y);
     }
 }
 
-/// The same for fewer than six joints: normal matrix with their number of rows.
-fn normal_step<T: Scalar, const N: usize>(
-    columns: &Columns<T, N>,
-    error: &[T; 6],
-    effort: &[T; N],
-    away: &[T; N],
-    damping: T,
-) -> [T; N] {
-    let mut h = normal_matrix(columns);
-    let mut right = [T::zero(); N];
-    for (j, (right, column)) in right.iter_mut().zip(columns).enumerate() {
-        if let (Some(&g), Some(&d), Some(row)) = (effort.get(j), away.get(j), h.get_mut(j)) {
-            *right = dot(column, error) - g * d;
-            if let Some(diagonal) = row.get_mut(j) {
-                *diagonal += g + damping;
-            }
-        }
-    }
-    Factor::of(&h, damping).solve(&right)
-}
+/// Joints that are too few for six equations, at most: then it is solved as it stands.
+const FEW_JOINTS: usize = 5;
 
-/// Lower triangle of `Jᵀ W² J`.
-#[inline]
-fn normal_matrix<T: Scalar, const N: usize>(columns: &Columns<T, N>) -> [[T; N]; N] {
-    let mut h = [[T::zero(); N]; N];
-    for (i, (row, left)) in h.iter_mut().zip(columns).enumerate() {
-        for (entry, right) in row.iter_mut().zip(columns).take(i + 1) {
-            *entry = dot(left, right);
+/// Lower triangle of `Jᵀ W² J` of a few joints; ones on the diagonal for those that are not
+/// there.
+fn normal_matrix<T: Scalar>(columns: &[[T; 6]]) -> [[T; FEW_JOINTS]; FEW_JOINTS] {
+    let mut h = [[T::zero(); FEW_JOINTS]; FEW_JOINTS];
+    for (i, row) in h.iter_mut().enumerate() {
+        if let Some(left) = columns.get(i) {
+            for (entry, right) in row.iter_mut().zip(columns).take(i + 1) {
+                *entry = dot(left, right);
+            }
+        } else if let Some(diagonal) = row.get_mut(i) {
+            *diagonal = T::one();
         }
     }
     h
-}
-
-#[inline]
-fn add_diagonal<T: Scalar, const K: usize>(a: &mut [[T; K]; K], value: T) {
-    for (i, row) in a.iter_mut().enumerate() {
-        if let Some(entry) = row.get_mut(i) {
-            *entry += value;
-        }
-    }
 }
 
 /// How far the weighted Jacobian is from singular: the harmonic sum of its squared singular
 /// values, `1 / (1/σ1² + 1/σ2² + ..)`, which is at most the smallest and smooth in the
 /// joints. `damping` is added to each. `weights`: position and orientation; a weight of zero
 /// takes its three directions out. From six joints on the `y` of `(W J Jᵀ W + λ² I) y = error`
-/// comes with it.
-#[inline(never)]
-pub(super) fn clearance<T: Scalar, const N: usize>(
-    columns: &Columns<T, N>,
+/// comes with it. `ones`: set to that.
+pub(super) fn clearance<T: Scalar, const FEW: bool>(
+    columns: &[[T; 6]],
     weights: [T; 2],
     damping: T,
     error: &[T; 6],
+    ones: &mut [T],
 ) -> (T, Option<[T; 6]>) {
-    if N < 6 {
+    if FEW {
         let mut h = normal_matrix(columns);
-        add_diagonal(&mut h, damping);
+        for (i, row) in h.iter_mut().enumerate().take(columns.len()) {
+            if let Some(entry) = row.get_mut(i) {
+                *entry += damping;
+            }
+        }
         let factor = Factor::of(&h, damping);
-        (T::one() / factor.inverse_trace(), None)
-    } else {
-        let (y, [linear, angular]) =
-            shared_multipliers(columns, &[T::one(); N], damping, error, true);
-        let [p, o] = weights;
-        (T::one() / (linear * (p * p) + angular * (o * o)), Some(y))
+        return (T::one() / factor.inverse_trace(columns.len()), None);
     }
+    for one in ones.iter_mut() {
+        *one = T::one();
+    }
+    let (y, [linear, angular]) = T::shared_multipliers(columns, ones, damping, error, true);
+    let [p, o] = weights;
+    (
+        T::one() / (linear * (p * p) + angular * (o * o)),
+        Some(y),
+    )
 }
 
-/// Solves the linearised problem inside the box `low <= q <= high` by coordinate descent,
+/// Solves the linearised problem inside the box `low <= q + p <= high` by coordinate descent,
 /// from the step `p` (changed to the result). A fixed number of sweeps, each a continuous map
 /// of all its inputs and none raising the cost: so what comes out stays continuous where a
-/// joint reaches or leaves its bound.
-pub(super) fn within_box<T: Scalar, const N: usize>(
-    columns: &Columns<T, N>,
-    error: &[T; 6],
-    effort: &[T; N],
-    away: &[T; N],
-    damping: T,
-    room: &[[T; 2]; N],
-    p: &mut [T; N],
-) {
-    let joints = &mut [Along::default(); N];
-    for (joint, (&g, &d)) in joints.iter_mut().zip(effort.iter().zip(away)) {
-        joint.stiffness = g + damping;
-        joint.pull = g * d;
-    }
-    T::sweep(columns, error, joints, room, p);
-}
-
-/// What a joint brings into [`sweep`].
-#[derive(Clone, Copy, Debug)]
-pub struct Along<T> {
-    /// One over the second derivative of half the cost.
-    inverse: T,
-    /// Of effort and damping alone.
-    stiffness: T,
-    /// Of the effort, at no step.
-    pull: T,
-}
-
-impl<T: Scalar> Default for Along<T> {
-    fn default() -> Self {
-        let o = T::zero();
-        Self {
-            inverse: o,
-            stiffness: o,
-            pull: o,
-        }
-    }
-}
-
-pub(crate) fn sweep<T: Scalar>(
+/// joint reaches or leaves its bound. `inverse`: one place a joint.
+#[expect(clippy::too_many_arguments, reason = "the places of one search")]
+pub(super) fn within_box<T: Scalar>(
     columns: &[[T; 6]],
     error: &[T; 6],
-    joints: &mut [Along<T>],
-    room: &[[T; 2]],
+    effort: &[T],
+    [q, start]: [&[T]; 2],
+    damping: T,
+    reaches: &[[T; 2]],
+    inverse: &mut [T],
     p: &mut [T],
 ) {
+    let reach = |(&[low, high], &q): (&[T; 2], &T)| [low - q, high - q];
     let mut left = *error;
-    let places = p.iter_mut().zip(room);
-    for ((p, room), (column, joint)) in places.zip(columns.iter().zip(joints.iter_mut())) {
-        joint.inverse = T::one() / (dot(column, column) + joint.stiffness);
-        *p = confined(*p, room);
+    let places = p.iter_mut().zip(reaches.iter().zip(q).map(reach));
+    for (((p, room), column), (inverse, &g)) in
+        places.zip(columns).zip(inverse.iter_mut().zip(effort))
+    {
+        // Of the second derivative of half the cost.
+        *inverse = T::one() / (dot(column, column) + (g + damping));
+        *p = confined(*p, &room);
         add(&mut left, column, -*p);
     }
     for _ in 0..SWEEPS {
-        for (p, ((column, room), joint)) in p.iter_mut().zip(columns.iter().zip(room).zip(&*joints))
+        let places = p.iter_mut().zip(reaches.iter().zip(q).map(reach));
+        let ends = effort.iter().zip(q.iter().zip(start));
+        for (((p, room), column), (&inverse, (&g, (&q, &start)))) in
+            places.zip(columns).zip(inverse.iter().zip(ends))
         {
-            let pull = dot(column, &left) - joint.pull - joint.stiffness * *p;
-            let moved = confined(*p + pull * joint.inverse, room);
+            let pull = dot(column, &left) - g * (q - start) - (g + damping) * *p;
+            let moved = confined(*p + pull * inverse, &room);
             add(&mut left, column, *p - moved);
             *p = moved;
         }
@@ -223,6 +160,29 @@ pub(crate) fn sweep<T: Scalar>(
 
 /// Sweeps of [`within_box`].
 const SWEEPS: usize = 8;
+
+/// `step · ((W J)ᵀ error - G (q - start))`.
+pub(super) fn half_slope<T: Scalar>(
+    error: &[T; 6],
+    columns: &[[T; 6]],
+    effort: &[T],
+    [q, start]: [&[T]; 2],
+    step: &[T],
+) -> T {
+    let mut slope = T::zero();
+    let efforts = effort.iter().zip(q.iter().zip(start));
+    for ((&p, column), (&g, (&q, &start))) in step.iter().zip(columns).zip(efforts) {
+        slope += p * (dot(column, error) - g * (q - start));
+    }
+    slope
+}
+
+/// Sets `to` to `from`.
+pub(super) fn copy<T: Copy>(to: &mut [T], from: &[T]) {
+    for (to, &from) in to.iter_mut().zip(from) {
+        *to = from;
+    }
+}
 
 /// Cuts off of `room` what is further from `q` than the `bound` of a revolute or a prismatic
 /// joint.

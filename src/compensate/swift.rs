@@ -37,10 +37,11 @@ use nalgebra::{Matrix3, Vector3};
 use self::second_order::second_order;
 use super::damped::{multipliers, share};
 use super::error::PoseError;
-use super::rigid::{Rest, approach, square, turn_by, turn_to, turns_at};
+use super::rigid::{Rest, approach, turn_by, turns_at};
 use super::{Compensator, Outcome, Request, Status, direct, lqr, spherical_wrist, wrist_jacobian};
 use crate::budget::{Budget, Clock, PLAIN_ITERATIONS};
 use crate::model::Model;
+use crate::vector::{along, square};
 use crate::{JointKind, Method, Pose, Scalar, Settings, Twist};
 
 /// Share of a step up to which a regulator's price may change it without being asked. The cost
@@ -453,7 +454,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
                 let mut asked = *error;
                 if regulated && !first {
                     // What the price asks back of the way so far, none yet at first.
-                    undo(&mut asked, columns, q, &request.q, constants.priced);
+                    T::undo(&mut asked, columns, q, &request.q, constants.priced);
                 }
                 let (y, trace) = multipliers(columns, constants.damping, &asked, first);
                 // No price is put on corrections: `inverse_jacobian::singular_effort` is 0.
@@ -466,7 +467,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
                     *step = share(column, &y);
                 }
                 if regulated && !first {
-                    withdraw(steps, q, &request.q, constants.priced);
+                    T::withdraw(steps, q, &request.q, constants.priced);
                 }
                 if last || !first {
                     let [position, orientation] = constants.damping;
@@ -513,7 +514,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             if way <= T::of(0.12) {
                 turn_by(steps, turns);
             } else {
-                turn_to(&chain.joints, q, turns);
+                T::turn_to(&chain.joints, q, turns);
             }
         };
         // NaN is not near.
@@ -547,16 +548,16 @@ impl<T: Scalar> Rest<T> {
 }
 
 /// Adds to `error` what it would grow by if `share` of the way from `start` to `q` were undone.
-#[inline(never)]
-fn undo<T: Scalar>(error: &mut Twist<T>, columns: &[Twist<T>], q: &[T], start: &[T], share: T) {
+pub(crate) fn undo<T: Scalar>(error: &mut Twist<T>, columns: &[Twist<T>], q: &[T], start: &[T], share: T) {
     for ((column, &q), &start) in columns.iter().zip(q).zip(start) {
-        *error = error.plus(&column.scaled((q - start) * share));
+        let way = (q - start) * share;
+        error.linear = along(&error.linear, &column.linear, way);
+        error.angular = along(&error.angular, &column.angular, way);
     }
 }
 
 /// Takes `share` of the way from `start` to `q` off the steps.
-#[inline(never)]
-fn withdraw<T: Scalar>(steps: &mut [T], q: &[T], start: &[T], share: T) {
+pub(crate) fn withdraw<T: Scalar>(steps: &mut [T], q: &[T], start: &[T], share: T) {
     for (step, (&q, &start)) in steps.iter_mut().zip(q.iter().zip(start)) {
         *step -= (q - start) * share;
     }

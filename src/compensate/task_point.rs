@@ -17,9 +17,9 @@
 //!   evaluation an iteration, two or three iterations. A step that the limits or a change of
 //!   branch make worse is not taken, so the joints are as continuous as the caller's inverse.
 
-use super::descent::{Descent, Found, Work};
+use super::descent::{Next, Search, Tried};
 use super::{Request, Status, step};
-use crate::budget::{Budget, Clock, Cost};
+use crate::budget::Moment;
 use crate::model::Model;
 use crate::{Pose, Scalar};
 
@@ -43,59 +43,25 @@ pub fn first<T: Scalar, const N: usize>(
         .displaced(&predicted.twist_to(&nominal))
 }
 
-/// Moves the task point until the calibrated arm reaches the pose that `descent` desires,
-/// through the caller's inverse. Returns what was found and its task point; `None` where the
-/// model gives no finite pose.
-pub(super) fn run<'w, C: Clock, T: Scalar, const N: usize>(
-    descent: &mut Descent<'_, T, N>,
-    inverse: Inverse<'_, T, N>,
-    work: &'w mut Work<T, N>,
-    budget: &Budget<'_, C>,
-    cost: &Cost,
-) -> Option<(Found<'w, T, N>, Pose<T>)> {
-    let Work { room, points, .. } = work;
-    let [mut best, mut trial, _] = points.each_mut();
-    best.q = descent.start;
-    if !descent.evaluate(best, room) {
-        return None;
+/// Moves the task point by what is left, unless that is enough.
+pub(super) fn ask<T: Scalar>(search: &mut Search<'_, T>, now: &Moment) -> Next {
+    if search.converged() {
+        return Next::Done(Status::Converged);
     }
-    let initial = best.error();
-    let mut best_asked = *descent.desired;
-    let mut asked = best_asked;
-    let cost = cost.iteration.saturating_mul(SHARE);
-    let mut iterations = 0;
-    let status = loop {
-        if descent.converged(best) {
-            break Status::Converged;
-        }
-        if let Some(status) = descent.halt(iterations, budget, cost) {
-            break status;
-        }
-        let begun = budget.spent();
-        asked = asked.displaced(&best.twist);
-        let q = inverse(&asked, &best.q);
-        iterations += 1;
-        let better = q.is_some_and(|q| {
-            let places = trial.q.iter_mut().zip(&q).zip(&descent.room);
-            for (((place, &q), room), &from) in places.zip(&best.q) {
-                let inside = step::confined(q, room);
-                *place = if inside.finite() { inside } else { from };
-            }
-            descent.evaluate(trial, room) && trial.square < best.square
-        });
-        let spent = budget.spent().wrapping_sub(begun) / SHARE;
-        descent.longest = descent.longest.max(spent);
-        if !better {
-            break Status::Settled;
-        }
-        core::mem::swap(&mut best, &mut trial);
-        best_asked = asked;
-    };
-    let found = Found {
-        initial,
-        best,
-        status,
-        iterations,
-    };
-    Some((found, best_asked))
+    if let Some(status) = search.halt(now) {
+        return Next::Done(status);
+    }
+    let course = &mut *search.course;
+    course.asked = course.asked.displaced(&course.best.twist);
+    course.tried = Tried::Answer;
+    Next::Ask
+}
+
+/// Takes what the caller's inverse kinematics gave for that pose.
+pub(crate) fn answer<T: Scalar>(search: &mut Search<'_, T>, q: &[T]) {
+    let places = search.trial.iter_mut().zip(q).zip(&*search.reach);
+    for (((place, &q), reach), &from) in places.zip(&*search.best) {
+        let inside = step::confined(q, reach);
+        *place = if inside.finite() { inside } else { from };
+    }
 }

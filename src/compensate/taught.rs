@@ -15,114 +15,103 @@
 //! zero. A correction that at least halves the error counts in full; one that does not help is
 //! not taken; and s is continuous in both errors.
 
-use super::Status;
-use super::descent::{Descent, Found, Work};
-use crate::budget::{Budget, CYCLES, Clock, Cost};
-use crate::taught::Taught;
+use super::descent::{Next, Search, Tried};
+use super::step::{advance, damped_step};
+use super::{Status, step};
+use crate::budget::{CYCLES, Moment};
+use crate::taught::{Taught, cmac, polynomial};
+use crate::vector::{times, turned};
 use crate::{Method, Scalar, Twist};
 
-/// Applies the tables of the method that the settings name. `None` where the model gives no
-/// finite pose for the start.
-pub(super) fn run<'w, C: Clock, T: Scalar, const N: usize>(
-    taught: &Taught<'_, T>,
-    descent: &mut Descent<'_, T, N>,
-    work: &'w mut Work<T, N>,
-    budget: &Budget<'_, C>,
-    cost: &Cost,
-) -> Option<Found<'w, T, N>> {
-    let Work { room, points, .. } = work;
-    let [initial, full, part] = points;
-    initial.q = descent.start;
-    if !descent.evaluate(initial, room) {
-        return None;
+/// Looks the correction of the start up, in the tables of the method that the settings name.
+pub(super) fn begin<T: Scalar, const FEW: bool>(search: &mut Search<'_, T>, now: &Moment) -> Next {
+    let (taught, method) = (search.taught, search.settings.method);
+    // Two evaluations.
+    search.cost = search
+        .cost
+        .saturating_add(lookup_cycles(taught, method, search.start.len()))
+        .saturating_mul(2);
+    if let Some(status) = search.halt(now) {
+        return Next::Done(status);
     }
-    let initial = &*initial;
-    let stay = |status| {
-        Some(Found {
-            initial: initial.error(),
-            best: initial,
-            status,
-            iterations: 0,
-        })
-    };
-    if descent.converged(initial) {
-        return stay(Status::Converged);
-    }
-    let method = descent.settings.method;
-    let cost = cost
-        .iteration
-        .saturating_add(lookup_cycles::<_, N>(taught, method));
-    if let Some(status) = descent.halt(0, budget, cost.saturating_mul(2)) {
-        return stay(status);
-    }
-    let begun = budget.spent();
-    let correction = match method {
-        Method::Polynomial => match &taught.polynomial {
-            Some(polynomial) => polynomial.evaluate(&descent.start).map(|(mut p, miss)| {
-                if polynomial.tool.is_some() {
-                    let miss = descent.desired.rotation * nalgebra::Vector3::from(miss);
-                    let back = Twist::new(-miss, nalgebra::Vector3::zeros());
-                    let moves = descent.damped(initial, &back, room);
-                    for (p, moved) in p.iter_mut().zip(moves) {
-                        *p += moved;
-                    }
-                }
-                p
-            }),
-            None => return stay(Status::NotTaught),
-        },
-        _ => match &taught.cmac {
-            Some(cmac) => cmac.evaluate(&descent.start),
-            None => return stay(Status::NotTaught),
-        },
-    };
-    let Some(correction) = correction else {
-        return stay(Status::OutsideRegion);
-    };
-    let mut best = initial;
-    descent.move_to(&descent.start, &correction, T::one(), &mut full.q);
-    if descent.evaluate(full, room) {
-        let share = way(
-            &descent.weighted(&initial.twist),
-            &descent.weighted(&full.twist),
-        );
-        let found = if share < T::one() {
-            let ends = full.q.iter().zip(&descent.start);
-            for (part, (&full, &start)) in part.q.iter_mut().zip(ends) {
-                *part = start + (full - start) * share;
+    let there = match (method, &taught.polynomial, &taught.cmac) {
+        (Method::Polynomial, Some(taught), _) => {
+            let miss = polynomial::corrections(taught, search.start, search.step);
+            if let (Some(miss), Some(_)) = (miss, &taught.tool) {
+                let back = turned(&search.desired.rotation, &miss.map(|x| -x).into());
+                give_back::<T, FEW>(search, &Twist::new(back, times(&back, T::zero())));
             }
-            descent.evaluate(part, room).then_some(part)
-        } else {
-            Some(full)
-        };
-        if let Some(found) = found
-            && found.square < best.square
-        {
-            best = found;
+            miss.is_some()
         }
-    }
-    let spent = budget.spent().wrapping_sub(begun) / 2;
-    descent.longest = descent.longest.max(spent);
-    Some(Found {
-        initial: initial.error(),
-        best,
-        status: if descent.converged(best) {
-            Status::Converged
-        } else {
-            Status::Settled
+        (Method::Cmac, _, Some(taught)) => match cmac::cells(taught, search.start) {
+            Some(cells) => {
+                step::copy(search.step, &cells);
+                true
+            }
+            None => false,
         },
-        iterations: 1,
-    })
+        _ => return Next::Done(Status::NotTaught),
+    };
+    if !there {
+        return Next::Done(Status::OutsideRegion);
+    }
+    let Search {
+        start, step, reach, ..
+    } = search;
+    advance(start, step, T::one(), reach, search.trial);
+    search.course.tried = Tried::Taught;
+    Next::Evaluate
+}
+
+/// Adds what the joints do for a small displacement `back` of the tool at the start.
+fn give_back<T: Scalar, const FEW: bool>(search: &mut Search<'_, T>, back: &Twist<T>) {
+    search.set_columns();
+    let back = search.weighted(back);
+    let Search {
+        columns,
+        effort,
+        start,
+        settings,
+        step,
+        trial,
+        ..
+    } = search;
+    damped_step::<T, FEW>(
+        columns,
+        &back,
+        effort,
+        [start, start],
+        settings.damping,
+        trial,
+    );
+    for (step, &moved) in step.iter_mut().zip(&**trial) {
+        *step += moved;
+    }
+}
+
+/// Takes less of the correction, where all of it leads too far; false where it does not.
+pub(super) fn shorten<T: Scalar>(search: &mut Search<'_, T>) -> bool {
+    let course = &search.course;
+    let ends = [&course.best, &course.trial].map(|point| search.weighted(&point.twist));
+    let share = way(&ends[0], &ends[1]);
+    if share >= T::one() {
+        return false;
+    }
+    for (q, &start) in search.trial.iter_mut().zip(&*search.start) {
+        *q = start + (*q - start) * share;
+    }
+    search.course.tried = Tried::Part;
+    true
 }
 
 /// What looking up takes at worst, cycles of a Cortex-M4F.
-fn lookup_cycles<T: Scalar, const N: usize>(taught: &Taught<'_, T>, method: Method) -> u32 {
-    let instructions = match method {
-        Method::Polynomial => taught.polynomial.as_ref().map(|p| p.instructions(N)),
-        Method::Cmac => taught.cmac.as_ref().map(|c| c.instructions(N)),
-        Method::InverseJacobian | Method::Lqr | Method::TaskPoint => None,
+fn lookup_cycles<T: Scalar>(taught: &Taught<'_, T>, method: Method, joints: usize) -> u32 {
+    let instructions = match (method, &taught.polynomial, &taught.cmac) {
+        (Method::Polynomial, Some(polynomial), _) => polynomial.instructions(joints),
+        (Method::Cmac, _, Some(cmac)) => cmac.instructions(joints),
+        _ => 0,
     };
-    u32::try_from(instructions.unwrap_or(0))
+    u32::try_from(instructions)
         .unwrap_or(u32::MAX)
         .saturating_mul(CYCLES)
 }

@@ -21,9 +21,8 @@
 
 use nalgebra::Vector3;
 
-use super::damped::cross;
-use super::direct::{Wrist, across, dot};
-use super::rigid::{add_cross, square};
+use super::direct::{Wrist, across};
+use crate::vector::{add_cross, cross, dot, square};
 use crate::{Scalar, Twist};
 
 /// The steps p with `J p = e` for the J whose columns [`super::rigid::approach`] gave, of an arm

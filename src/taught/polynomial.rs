@@ -11,7 +11,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{MAX_INPUTS, Place, Region};
+use super::{MAX_INPUTS, MAX_OUTPUTS, Place, Region};
 use crate::Scalar;
 
 /// The highest degree there can be.
@@ -129,22 +129,35 @@ impl<'a, T: Scalar> Polynomial<'a, T> {
     /// The corrections at the command `q` (rad or m), and the position that the tool still
     /// misses (m, tool frame); `None` outside the region.
     pub fn evaluate<const N: usize>(&self, q: &[T; N]) -> Option<([T; N], [T; 3])> {
-        let place = self.joints.region.place(q)?;
-        let mut delta = self.joints.at::<N>(&place);
-        let mut miss = [T::zero(); 3];
-        let mut share = place.share;
-        if let Some(tool) = &self.tool {
-            let wrist = tool
-                .region
-                .place(q.get(self.joints.region.inputs()..).unwrap_or(&[]))?;
-            share *= wrist.share;
-            miss = tool.at::<3>(&wrist).map(|x| x * share);
-        }
-        for delta in &mut delta {
-            *delta *= share;
-        }
+        let mut delta = [T::zero(); N];
+        let miss = T::polynomial(self, q, &mut delta)?;
         Some((delta, miss))
     }
+}
+
+/// [`Polynomial::evaluate`] of any number of joints: sets `delta` and returns what is missed.
+pub(crate) fn corrections<T: Scalar>(
+    polynomial: &Polynomial<'_, T>,
+    q: &[T],
+    delta: &mut [T],
+) -> Option<[T; 3]> {
+    let Polynomial { joints, tool } = polynomial;
+    let place = joints.region.place(q)?;
+    joints.at(&place, delta);
+    let mut miss = [T::zero(); 3];
+    let mut share = place.share;
+    if let Some(tool) = tool {
+        let wrist = tool
+            .region
+            .place(q.get(joints.region.inputs()..).unwrap_or(&[]))?;
+        share *= wrist.share;
+        tool.at(&wrist, &mut miss);
+        miss = miss.map(|x| x * share);
+    }
+    for delta in delta {
+        *delta *= share;
+    }
+    Some(miss)
 }
 
 impl<'a, T: Scalar> Block<'a, T> {
@@ -176,12 +189,11 @@ impl<'a, T: Scalar> Block<'a, T> {
         instructions(self.region.inputs(), self.degree, count, outputs)
     }
 
-    /// All M polynomials at once.
-    fn at<const M: usize>(&self, place: &Place<T>) -> [T; M] {
-        let (coefficients, _) = self.coefficients.as_chunks::<4>();
-        let (mut rows, _) = coefficients.as_chunks::<M>();
+    /// All polynomials at once.
+    fn at(&self, place: &Place<T>, outputs: &mut [T]) {
+        let (mut coefficients, _) = self.coefficients.as_chunks::<4>();
         let inputs = place.x.get(..self.region.inputs()).unwrap_or(&[]);
-        horner(inputs, usize::from(self.degree), &mut rows)
+        horner(inputs, usize::from(self.degree), &mut coefficients, outputs);
     }
 }
 
@@ -196,52 +208,37 @@ fn instructions(inputs: usize, degree: u8, coefficients: usize, outputs: usize) 
         .saturating_add(AROUND + inputs * PER_INPUT)
 }
 
-/// Coefficients of a product of powers, little-endian `f32`, one an output.
-type Row<const M: usize> = [[u8; 4]; M];
-
 /// Horner's rule in the first input, whose coefficients are polynomials of the others. As deep
-/// as there are inputs, less one: the last has a loop.
-fn horner<T: Scalar, const M: usize>(x: &[T], degree: usize, rows: &mut &[Row<M>]) -> [T; M] {
-    let (first, others, least) = match *x {
-        [] | [_] => (T::one(), x, degree),
-        [first, ref others @ ..] => (first, others, 0),
-    };
-    let mut sum = [T::zero(); M];
-    for left in least..=degree {
-        // One copy of the loop of the last input, whatever leads there.
-        let (last, count) = match *others {
-            [last] => (Some(last), left + 1),
-            _ => (Some(first).filter(|_| left == 0 || others.is_empty()), 1),
-        };
-        let inner = match last {
-            Some(last) => powers(last, take(rows, count)),
-            None => horner(others, left, rows),
-        };
-        for (sum, inner) in sum.iter_mut().zip(inner) {
-            *sum = *sum * first + inner;
+/// as there are inputs, less one: the last has a loop. `rows`: little-endian `f32`, one an output
+/// for each product of powers; those that are used are taken away.
+fn horner<T: Scalar>(x: &[T], degree: usize, rows: &mut &[[u8; 4]], outputs: &mut [T]) {
+    for output in outputs.iter_mut() {
+        *output = T::zero();
+    }
+    match *x {
+        // The highest power comes first.
+        [] => add_row(T::one(), rows, outputs),
+        [last] => (0..=degree).for_each(|_| add_row(last, rows, outputs)),
+        [first, ref others @ ..] => {
+            let mut room = [T::zero(); MAX_OUTPUTS];
+            let inner = room.get_mut(..outputs.len()).unwrap_or_default();
+            for left in 0..=degree {
+                let others = if left == 0 { &[] } else { others };
+                horner(others, left, rows, inner);
+                for (output, &inner) in outputs.iter_mut().zip(&*inner) {
+                    *output = *output * first + inner;
+                }
+            }
         }
     }
-    sum
 }
 
-/// Takes the first `count` rows away.
-#[inline(always)]
-fn take<'r, const M: usize>(rows: &mut &'r [Row<M>], count: usize) -> &'r [Row<M>] {
-    let (taken, rest) = rows.split_at_checked(count).unwrap_or_default();
-    *rows = rest;
-    taken
-}
-
-/// Horner's rule in the last input: the highest power comes first.
-#[inline(always)]
-fn powers<T: Scalar, const M: usize>(x: T, rows: &[Row<M>]) -> [T; M] {
-    let mut sum = [T::zero(); M];
-    for row in rows {
-        let mut coefficients = row.iter();
-        sum = sum.map(|sum| match coefficients.next() {
-            Some(&bytes) => sum * x + T::of(f64::from(f32::from_le_bytes(bytes))),
-            None => sum,
-        });
+/// `outputs x` and the next row.
+fn add_row<T: Scalar>(x: T, rows: &mut &[[u8; 4]], outputs: &mut [T]) {
+    for output in outputs {
+        if let Some((&bytes, rest)) = rows.split_first() {
+            *output = *output * x + T::of(f64::from(f32::from_le_bytes(bytes)));
+            *rows = rest;
+        }
     }
-    sum
 }

@@ -1,11 +1,10 @@
 //! One step of a regulator that asks a price of its own of each joint: the plain case of a
 //! command in a margin, for which [`super::super::descent`] evaluates the model again and again.
 
-use super::super::damped::shared_multipliers;
 use super::super::descent::weighted;
-use super::super::rigid::{approach, turn_to};
+use super::super::rigid::approach;
 use super::super::solve::dot;
-use super::super::{Compensator, Request, Status, lqr};
+use super::super::{Compensator, Request, Status};
 use super::{Plain, Squares, Work, bound, without};
 use crate::{Pose, Scalar};
 
@@ -34,7 +33,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             steps,
             ..
         } = &mut self.work;
-        turn_to(&chain.joints, &request.q, turns);
+        T::turn_to(&chain.joints, &request.q, turns);
         let tip = &chain.tool.translation;
         let rest = approach(&chain.joints, turns, tip, &target, columns, true);
         let [position, orientation] = rest.squares;
@@ -54,7 +53,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
         }
         let mut prices = [T::zero(); N];
         let limits = &self.model.limits;
-        lqr::prices(
+        T::prices(
             settings.effort,
             &request.q,
             &chain.joints,
@@ -72,7 +71,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
         for share in &mut prices {
             *share = mu / (settings.damping + *share);
         }
-        let (y, _) = shared_multipliers(&weighted_columns, &prices, mu, &error, false);
+        let (y, _) = T::shared_multipliers(&weighted_columns, &prices, mu, &error, false);
         for (step, (column, share)) in steps.iter_mut().zip(weighted_columns.iter().zip(&prices)) {
             *step = dot(column, &y) * *share;
         }

@@ -3,10 +3,9 @@
 
 use nalgebra::Vector3;
 
-use super::super::damped::cross;
 use super::super::error::PoseError;
-use super::super::rigid::add_cross;
 use super::{Constants, Squares};
+use crate::vector::{add_cross, cross};
 use crate::{Scalar, Twist};
 
 /// How far the pose is off what the equations of the step `steps` say. Where that is too much,
