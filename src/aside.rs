@@ -5,7 +5,7 @@ use crate::budget::Moment;
 use crate::compensate::descent::{self, Next, Search};
 use crate::compensate::{PoseError, damped, error, lqr, minimum_move, rigid, step, swift, task_point};
 use crate::effects::{Ambient, Unnamed, unnamed};
-use crate::prepared;
+use crate::{pose, prepared};
 use crate::model::Prediction;
 use crate::taught::{Cmac, Outputs, Place, Polynomial, Region, cmac, place, polynomial};
 use crate::{Pose, Prepared, Scalar, Twist};
@@ -106,6 +106,12 @@ aside! {
         q: &mut [Self],
         clamped: &mut [bool],
     ) -> [PoseError<Self>; 2] = descent::arrive;
+
+    /// See [`Pose::displaced`].
+    fn displaced(pose: &Pose<Self>, twist: &Twist<Self>) -> Pose<Self> = pose::displaced;
+
+    /// See [`Pose::twist_to`].
+    fn twist(pose: &Pose<Self>, target: &Pose<Self>) -> Twist<Self> = pose::twist;
 
     /// The twist from one pose to another.
     fn between(predicted: &Pose<Self>, desired: &Pose<Self>) -> Twist<Self> = error::between;

@@ -3,7 +3,8 @@
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::Scalar;
+use crate::{Scalar, vector};
+use crate::vector::{along, cross, less, plus, square, times};
 
 /// Pose of a frame B seen from a frame A, `t_a_b`.
 ///
@@ -44,19 +45,22 @@ impl<T: Scalar> Twist<T> {
     /// present reference point: `linear + angular x arm`.
     #[inline]
     pub fn at(&self, arm: &Vector3<T>) -> Self {
-        Self::new(self.linear + self.angular.cross(arm), self.angular)
+        Self::new(plus(&self.linear, &cross(&self.angular, arm)), self.angular)
     }
 
     /// Scaled by `factor`.
     #[inline]
     pub fn scaled(&self, factor: T) -> Self {
-        Self::new(self.linear * factor, self.angular * factor)
+        Self::new(times(&self.linear, factor), times(&self.angular, factor))
     }
 
     /// Sum of two displacements about the same point and axes, to first order.
     #[inline]
     pub fn plus(&self, other: &Self) -> Self {
-        Self::new(self.linear + other.linear, self.angular + other.angular)
+        Self::new(
+            plus(&self.linear, &other.linear),
+            plus(&self.angular, &other.angular),
+        )
     }
 
     /// The same in another number type.
@@ -150,7 +154,7 @@ impl<T: Scalar> Pose<T> {
     /// Point given in B (m), seen from A.
     #[inline]
     pub fn point(&self, p: &Vector3<T>) -> Vector3<T> {
-        self.translation + self.rotation * p
+        plus(&self.translation, &vector::turned(&self.rotation, p))
     }
 
     /// Fixed-axis roll, pitch, yaw (rad): `R = Rz(yaw) Ry(pitch) Rx(roll)`.
@@ -241,68 +245,32 @@ impl<T: Scalar> Pose<T> {
     pub fn rotation_vector(&self) -> Vector3<T> {
         let [w, x, y, z] = self.quaternion();
         let v = Vector3::new(x, y, z);
-        let sine = v.norm_squared().root();
+        let sine = square(&v).root();
         let two = T::of(2.0);
         // angle / sin(angle/2) -> 2 as the angle -> 0; the next term, angle^2/24 of that, is
         // below rounding where sine^2 < epsilon.
         if sine * sine < T::EPSILON {
-            v * (two / w)
+            times(&v, two / w)
         } else {
-            v * (two * sine.arctangent2(w) / sine)
+            times(&v, two * sine.arctangent2(w) / sine)
         }
     }
 
     /// Rotation by a rotation vector (rad).
     pub fn from_rotation_vector(w: &Vector3<T>) -> Self {
-        // Rodrigues' formula: cos(angle) I + a [w] + b w wᵀ.
-        let (a, b) = rodrigues(w.norm_squared());
-        let [p, q, r] = [w.x * b, w.y * b, w.z * b];
-        let (xx, yy, zz) = (w.x * p, w.y * q, w.z * r);
-        let (xy, yz, zx) = (w.x * q, w.y * r, w.z * p);
-        let (x, y, z) = (w.x * a, w.y * a, w.z * a);
-        let cosine = T::one() - xx - yy - zz;
-        Self::new(
-            Matrix3::new(
-                cosine + xx,
-                xy - z,
-                zx + y,
-                xy + z,
-                cosine + yy,
-                yz - x,
-                zx - y,
-                yz + x,
-                cosine + zz,
-            ),
-            Vector3::zeros(),
-        )
+        Self::identity().displaced(&Twist::new(Vector3::zeros(), *w))
     }
 
     /// Displaced by a small `twist` (axes of A at B's origin): the translation is added, the
     /// rotation vector turns the rotation from the left, by Rodrigues' formula.
     pub fn displaced(&self, twist: &Twist<T>) -> Self {
-        let w = &twist.angular;
-        let (a, b) = rodrigues(w.norm_squared());
-        let axes = columns(&self.rotation).map(|axis| {
-            let once = w.cross(&axis);
-            axis + once * a + w.cross(&once) * b
-        });
-        Self::new(
-            Matrix3::from_columns(&axes),
-            self.translation + twist.linear,
-        )
+        T::displaced(self, twist)
     }
 
     /// The twist that takes `self` to `target`: `self.displaced(&self.twist_to(&target))`
     /// is `target`. Axes of A at B's origin.
     pub fn twist_to(&self, target: &Self) -> Twist<T> {
-        let turn = Self::new(
-            target.rotation * self.rotation.transpose(),
-            Vector3::zeros(),
-        );
-        Twist::new(
-            target.translation - self.translation,
-            turn.rotation_vector(),
-        )
+        T::twist(self, target)
     }
 
     /// The same pose in another number type.
@@ -317,6 +285,33 @@ impl<T: Scalar> Pose<T> {
     pub fn is_finite(&self) -> bool {
         self.rotation.iter().all(|x| x.finite()) && self.translation.iter().all(|x| x.finite())
     }
+}
+
+/// [`Pose::displaced`].
+pub(crate) fn displaced<T: Scalar>(pose: &Pose<T>, twist: &Twist<T>) -> Pose<T> {
+    let w = &twist.angular;
+    let (a, b) = rodrigues(square(w));
+    let mut axes = columns(&pose.rotation);
+    for axis in &mut axes {
+        let once = crossed(w, axis);
+        let twice = crossed(w, &once);
+        *axis = added(&added(axis, &once, a), &twice, b);
+    }
+    Pose::new(
+        from_columns(&axes),
+        added(&pose.translation, &twist.linear, T::one()),
+    )
+}
+
+/// [`Pose::twist_to`].
+pub(crate) fn twist<T: Scalar>(pose: &Pose<T>, target: &Pose<T>) -> Twist<T> {
+    let back = pose.rotation.transpose();
+    let axes = columns(&back).map(|axis| rotated(&target.rotation, &axis));
+    let turn = Pose::new(from_columns(&axes), Vector3::zeros());
+    Twist::new(
+        less(&target.translation, &pose.translation),
+        turn.rotation_vector(),
+    )
 }
 
 /// `sin(x) / x` and `(1 - cos(x)) / x²` of an angle x (rad), whose square is given.
@@ -338,29 +333,36 @@ fn rodrigues<T: Scalar>(angle2: T) -> (T, T) {
 /// a call on a controller.
 #[inline(never)]
 pub(crate) fn rotated<T: Scalar>(r: &Matrix3<T>, v: &Vector3<T>) -> Vector3<T> {
-    Vector3::new(
-        r.m11 * v.x + r.m12 * v.y + r.m13 * v.z,
-        r.m21 * v.x + r.m22 * v.y + r.m23 * v.z,
-        r.m31 * v.x + r.m32 * v.y + r.m33 * v.z,
-    )
+    vector::turned(r, v)
 }
 
 /// `a x b`, out of line likewise.
 #[inline(never)]
 pub(crate) fn crossed<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
-    a.cross(b)
+    cross(a, b)
+}
+
+/// `a + b k`, out of line likewise.
+#[inline(never)]
+pub(crate) fn added<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>, k: T) -> Vector3<T> {
+    along(a, b, k)
 }
 
 /// [`Pose::point`], out of line likewise.
 pub(crate) fn seen<T: Scalar>(pose: &Pose<T>, point: &Vector3<T>) -> Vector3<T> {
-    let (p, t) = (rotated(&pose.rotation, point), &pose.translation);
-    Vector3::new(t.x + p.x, t.y + p.y, t.z + p.z)
+    plus(&pose.translation, &rotated(&pose.rotation, point))
 }
 
 /// The three axes of a rotation.
 #[inline]
 pub(crate) fn columns<T: Scalar>(rotation: &Matrix3<T>) -> [Vector3<T>; 3] {
     rotation.data.0.map(Vector3::from)
+}
+
+/// A rotation from its axes.
+#[inline]
+pub(crate) fn from_columns<T: Scalar>([x, y, z]: &[Vector3<T>; 3]) -> Matrix3<T> {
+    Matrix3::new(x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z)
 }
 
 /// Two axes after a turn by `angle` (rad) that leads from the first to the second.
@@ -371,7 +373,10 @@ fn turned<T: Scalar>(first: &Vector3<T>, second: &Vector3<T>, angle: T) -> [Vect
         return [*first, *second];
     }
     let (s, c) = angle.sincos();
-    [first * c + second * s, second * c - first * s]
+    [
+        added(&times(first, c), second, s),
+        added(&times(second, c), first, -s),
+    ]
 }
 
 /// A pose as it is stored: translation (m) and rotation vector (rad).

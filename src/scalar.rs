@@ -291,30 +291,23 @@ impl Scalar for f64 {
             - k * f64::from_bits(0x3DD0_B461_1A60_0000))
             - k * f64::from_bits(0x3BA3_198A_2E03_7073);
         let z = r * r;
-        // Minimax on |r| <= pi/4, degree 13 and 14 (the coefficients of FreeBSD's msun).
-        let sine = (((((1.589_690_995_211_55e-10 * z - 2.505_076_025_340_686_3e-8) * z
-            + 2.755_731_370_707_006_8e-6)
-            * z
-            - 1.984_126_982_985_795e-4)
-            * z
-            + 8.333_333_333_322_49e-3)
-            * z
-            - 1.666_666_666_666_663_2e-1)
-            * z
-            * r
-            + r;
-        let cosine = (((((-1.135_964_755_778_819_5e-11 * z + 2.087_572_321_298_175e-9) * z
-            - 2.755_731_435_139_066_3e-7)
-            * z
-            + 2.480_158_728_947_673e-5)
-            * z
-            - 1.388_888_888_887_411e-3)
-            * z
-            + 4.166_666_666_666_66e-2)
-            * z
-            * z
-            - 0.5 * z
-            + 1.0;
+        // Of z^6, z^5, .. in sine / r and cosine: minimax on |r| <= pi/4, degree 13 and 14 (the
+        // coefficients of FreeBSD's msun).
+        const SERIES: [[f64; 2]; 6] = [
+            [1.589_690_995_211_55e-10, -1.135_964_755_778_819_5e-11],
+            [-2.505_076_025_340_686_3e-8, 2.087_572_321_298_175e-9],
+            [2.755_731_370_707_006_8e-6, -2.755_731_435_139_066_3e-7],
+            [-1.984_126_982_985_795e-4, 2.480_158_728_947_673e-5],
+            [8.333_333_333_322_49e-3, -1.388_888_888_887_411e-3],
+            [-1.666_666_666_666_663_2e-1, 4.166_666_666_666_66e-2],
+        ];
+        let [mut sine, mut cosine] = [0.0; 2];
+        for &[of_sine, of_cosine] in &SERIES {
+            sine = sine * z + of_sine;
+            cosine = cosine * z + of_cosine;
+        }
+        let sine = sine * z * r + r;
+        let cosine = cosine * z * z - 0.5 * z + 1.0;
         // With a table there is nothing to decide, and the products with 0 and +-1 are exact.
         const TURNS: [[f32; 2]; 4] = [[0.0, 1.0], [1.0, 0.0], [0.0, -1.0], [-1.0, 0.0]];
         let [s, c] = TURNS[(quarter & 3) as usize].map(Self::from);
