@@ -6,27 +6,28 @@ use crate::compensate::descent::{self, Next, Search};
 use crate::compensate::{PoseError, damped, error, lqr, minimum_move, rigid, step, swift, task_point};
 use crate::effects::{Ambient, Unnamed, unnamed};
 use crate::{pose, prepared};
-use crate::model::Prediction;
+use crate::model::{Arm, Prediction, Scratch};
+use crate::prepared::{PreparedJoint, Whole};
 use crate::taught::{Cmac, Outputs, Place, Polynomial, Region, cmac, place, polynomial};
 use crate::{Pose, Prepared, Scalar, Twist};
 use nalgebra::Vector3;
 
 /// Declares a trait of functions and implements it for both number types.
 macro_rules! aside {
-    ($($(#[$meta:meta])* fn $name:ident($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)? = $path:path;)+) => {
+    ($($(#[$meta:meta])* fn $name:ident$(<$life:lifetime>)?($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)? = $path:path;)+) => {
         /// Behind a trait's functions code is in a program once for each number type, and is
         /// compiled with this crate for size, not with its caller for speed.
         pub trait Aside: Sized {
             $($(#[$meta])*
-            fn $name($($argument: $type),*) $(-> $result)? where Self: Scalar;)+
+            fn $name$(<$life>)?($($argument: $type),*) $(-> $result)? where Self: Scalar;)+
         }
-        aside!(@impl f32: $(fn $name($($argument: $type),*) $(-> $result)? = $path;)+);
-        aside!(@impl f64: $(fn $name($($argument: $type),*) $(-> $result)? = $path;)+);
+        aside!(@impl f32: $(fn $name$(<$life>)?($($argument: $type),*) $(-> $result)? = $path;)+);
+        aside!(@impl f64: $(fn $name$(<$life>)?($($argument: $type),*) $(-> $result)? = $path;)+);
     };
-    (@impl $scalar:ty: $(fn $name:ident($($argument:ident: $type:ty),*) $(-> $result:ty)? = $path:path;)+) => {
+    (@impl $scalar:ty: $(fn $name:ident$(<$life:lifetime>)?($($argument:ident: $type:ty),*) $(-> $result:ty)? = $path:path;)+) => {
         impl Aside for $scalar {
             $(#[inline(never)]
-            fn $name($($argument: $type),*) $(-> $result)? { $path($($argument),*) })+
+            fn $name$(<$life>)?($($argument: $type),*) $(-> $result)? { $path($($argument),*) })+
         }
     };
 }
@@ -38,6 +39,24 @@ aside! {
         q: &[Self],
         additions: &mut [Self],
     ) = prepared::set_contracted;
+
+    /// Adds what is left to the effects' contract after the kinematics.
+    fn displace_contracted(
+        prepared: &Prepared<'_, Self>,
+        q: &[Self],
+        rigid: &Pose<Self>,
+        scratch: &mut Scratch<'_, Self>,
+        twist: &mut Twist<Self>,
+    ) = prepared::displace_contracted;
+
+    /// See [`Arm::prepare`].
+    fn work_in<'m>(
+        arm: &Arm<'m, Self>,
+        direction: &[Self],
+        ambient: &Ambient<Self>,
+        joints: &mut [PreparedJoint<'m, Self>],
+        whole: &mut Whole<Self>,
+    ) = prepared::work_in;
 
     /// An unnamed term without its amplitude.
     fn product(

@@ -24,7 +24,8 @@ use nalgebra::{Matrix3, Vector3};
 use crate::chain::{BakedJoint, Frame};
 use crate::effects::{Ambient, Effect, Grows, Place, PreparedCurve, Reading, Stage, entry};
 use crate::model::{Arm, Prediction, Scratch};
-use crate::pose::columns;
+use crate::pose::{columns, rotated, seen};
+use crate::vector::{add_cross, along, plus, times};
 use crate::{JointKind, Pose, Scalar, Twist};
 
 /// Orders of a joint's harmonics that are worked in.
@@ -109,7 +110,6 @@ impl<'m, T: Scalar> PreparedJoint<'m, T> {
 
     /// Takes everything out. What nothing looks at then stays as it is: the curve, the harmonics,
     /// and what only gravity sets and looks at.
-    #[inline(always)]
     fn clear(&mut self, kind: JointKind) {
         let o = T::zero();
         self.motion = match kind {
@@ -205,6 +205,12 @@ pub struct Prepared<'p, T: Scalar> {
     direction: &'p [T],
     ambient: &'p Ambient<T>,
     joints: &'p [PreparedJoint<'p, T>],
+    whole: Whole<T>,
+}
+
+/// What is worked in that is not one a joint.
+#[derive(Clone, Copy, Debug)]
+pub struct Whole<T: Scalar> {
     /// Displacement whatever the joints do, about the origin of the kinematics' start.
     constant: Twist<T>,
     moves: Moves,
@@ -266,7 +272,6 @@ impl Kept {
 impl<'m, T: Scalar> Arm<'m, T> {
     /// Works in what stays while the conditions do. `joints`: one place a joint, whatever is
     /// in it.
-    #[inline(never)]
     pub fn prepare<'p>(
         &self,
         direction: &'p [T],
@@ -276,50 +281,67 @@ impl<'m, T: Scalar> Arm<'m, T> {
     where
         'm: 'p,
     {
-        let mut work = Work {
-            baked: self.joints,
-            joints,
-            base: Twist::zero(),
+        let mut whole = Whole {
+            constant: Twist::zero(),
             moves: Moves::default(),
+            readings: Kept::default(),
+            postures: Kept::default(),
+            loaded: false,
         };
-        for (joint, baked) in work.joints.iter_mut().zip(self.joints) {
-            joint.clear(baked.kind);
-        }
-        let (mut readings, mut postures) = (Kept::default(), Kept::default());
-        let mut loaded = false;
-        for (place, effect) in self.effects.iter().enumerate() {
-            if place < TOLD_APART && work.take(effect, direction, ambient) {
-                continue;
-            }
-            loaded = loaded || effect.loaded();
-            match effect.stage() {
-                Stage::Reading => {
-                    readings.keep(place);
-                    if let Some(joint) = effect.joint().and_then(|j| work.joints.get_mut(j)) {
-                        joint.motion = joint.motion.with_all();
-                    }
-                }
-                Stage::Posture => postures.keep(place),
-            }
-        }
-        if work.moves.growth || work.moves.gravity {
-            work.move_along_axes(self.tool, ambient);
-        }
-        let r = &self.base.rotation;
-        let angular = r * work.base.angular;
-        let linear = r * work.base.linear + self.base.translation.cross(&angular);
+        T::work_in(self, direction, ambient, joints, &mut whole);
         Prepared {
             arm: *self,
             direction,
             ambient,
-            constant: Twist::new(linear, angular),
-            moves: work.moves,
-            joints: work.joints,
-            readings,
-            postures,
-            loaded,
+            joints,
+            whole,
         }
     }
+}
+
+/// [`Arm::prepare`].
+pub(crate) fn work_in<'m, T: Scalar>(
+    arm: &Arm<'m, T>,
+    direction: &[T],
+    ambient: &Ambient<T>,
+    joints: &mut [PreparedJoint<'m, T>],
+    whole: &mut Whole<T>,
+) {
+    let mut work = Work {
+        baked: arm.joints,
+        joints,
+        base: Twist::zero(),
+        moves: Moves::default(),
+    };
+    for (joint, baked) in work.joints.iter_mut().zip(arm.joints) {
+        joint.clear(baked.kind);
+    }
+    for (place, effect) in arm.effects.iter().enumerate() {
+        if place < TOLD_APART && work.take(effect, direction, ambient) {
+            continue;
+        }
+        whole.loaded = whole.loaded || effect.loaded();
+        match effect.stage() {
+            Stage::Reading => {
+                whole.readings.keep(place);
+                if let Some(joint) = effect.joint().and_then(|j| work.joints.get_mut(j)) {
+                    joint.motion = joint.motion.with_all();
+                }
+            }
+            Stage::Posture => whole.postures.keep(place),
+        }
+    }
+    whole.moves = work.moves;
+    if work.moves.growth || work.moves.gravity {
+        work.move_along_axes(arm.tool, ambient);
+    }
+    let Pose {
+        rotation,
+        translation,
+    } = arm.base;
+    let angular = rotated(rotation, &work.base.angular);
+    let linear = rotated(rotation, &work.base.linear);
+    whole.constant = Twist::new(add_cross(&linear, translation, &angular), angular);
 }
 
 /// A preparation at work.
@@ -363,7 +385,7 @@ impl<'m, T: Scalar> Work<'_, '_, 'm, T> {
                     return false;
                 }
                 if let Some(joint) = self.joints.get_mut(usize::from(e.joint)) {
-                    joint.growth += e.link * e.longer(ambient);
+                    joint.growth = along(&joint.growth, &e.link, e.longer(ambient));
                     self.moves.growth = true;
                 }
                 true
@@ -410,7 +432,7 @@ impl<'m, T: Scalar> Work<'_, '_, 'm, T> {
     /// arrives at the base is constant there.
     fn move_along_axes(&mut self, tool: &Pose<T>, ambient: &Ambient<T>) {
         let mut mass = ambient.payload;
-        let mut beyond = tool.point(&ambient.payload_com) * mass;
+        let mut beyond = times(&seen(tool, &ambient.payload_com), mass);
         let (mut growth_along, mut moment_along) = (T::zero(), T::zero());
         for (joint, baked) in self.joints.iter_mut().zip(self.baked).rev() {
             let (s, c) = (baked.sin_alpha, baked.cos_alpha);
@@ -419,20 +441,19 @@ impl<'m, T: Scalar> Work<'_, '_, 'm, T> {
             growth_along = growth.z + growth_along * c;
             growth.z = T::zero();
             let link = &baked.mass;
-            let moment = link.com * link.mass
-                + Vector3::new(
-                    baked.tx * mass,
-                    baked.ty * mass - moment_along * s,
-                    moment_along * c,
-                )
-                + beyond;
+            let offset = Vector3::new(
+                baked.tx * mass,
+                baked.ty * mass - moment_along * s,
+                moment_along * c,
+            );
+            let moment = plus(&plus(&times(&link.com, link.mass), &offset), &beyond);
             beyond = Vector3::zeros();
             joint.moment = [moment.x, moment.y];
             moment_along = moment.z;
             mass += link.mass;
             joint.mass = mass;
         }
-        self.base.linear += Vector3::z() * growth_along;
+        self.base.linear.z += growth_along;
     }
 }
 
@@ -442,44 +463,25 @@ impl<T: Scalar> Prepared<'_, T> {
     #[inline(never)]
     pub fn predict(&self, q: &[T], scratch: &mut Scratch<'_, T>) -> Prediction<T> {
         let arm = &self.arm;
-        let contracted = !self.readings.none(arm.effects);
+        let contracted = !self.whole.readings.none(arm.effects);
         if contracted {
             T::set_contracted(self, q, scratch.readings);
         }
         self.correct(q, contracted, scratch.readings);
         let (end, growth) = self.pass(q, scratch);
         let rigid = end.then(arm.tool);
-        let mut twist = self.constant;
+        let mut twist = self.whole.constant;
         twist.linear += growth;
-        if self.moves.gravity {
+        if self.whole.moves.gravity {
             self.give_way(scratch, &mut twist);
         }
-        if self.moves.gravity || self.moves.base {
+        if self.whole.moves.gravity || self.whole.moves.base {
             twist = twist.at(&rigid.translation);
         }
-        if !self.postures.none(arm.effects) {
-            twist = twist.plus(&self.displaced_by_contract(q, &rigid, scratch));
+        if !self.whole.postures.none(arm.effects) {
+            T::displace_contracted(self, q, &rigid, scratch, &mut twist);
         }
         Prediction { rigid, twist }
-    }
-
-    #[inline(never)]
-    fn displaced_by_contract(
-        &self,
-        q: &[T],
-        rigid: &Pose<T>,
-        scratch: &mut Scratch<'_, T>,
-    ) -> Twist<T> {
-        let arm = &self.arm;
-        if self.loaded {
-            arm.load(self.ambient, rigid, scratch);
-        }
-        let posture = arm.posture(q, self.direction, self.ambient, rigid, scratch);
-        let mut twist = Twist::zero();
-        for effect in self.postures.of(arm.effects, Stage::Posture) {
-            twist = twist.plus(&effect.displacement(&posture));
-        }
-        twist
     }
 
     /// Corrects the readings, up to the harmonics. `readings`: where they are `contracted`, what
@@ -539,7 +541,7 @@ impl<T: Scalar> Prepared<'_, T> {
                 origin: p,
             };
             p = p + x1 * joint.tx + y1 * joint.ty;
-            if self.moves.growth {
+            if self.whole.moves.growth {
                 growth = growth + x1 * own.growth.x + y1 * own.growth.y;
             }
             x = x1;
@@ -579,6 +581,24 @@ impl<T: Scalar> Prepared<'_, T> {
     }
 }
 
+/// Adds what is left to the contract after the kinematics.
+pub(crate) fn displace_contracted<T: Scalar>(
+    prepared: &Prepared<'_, T>,
+    q: &[T],
+    rigid: &Pose<T>,
+    scratch: &mut Scratch<'_, T>,
+    twist: &mut Twist<T>,
+) {
+    let (arm, ambient) = (&prepared.arm, prepared.ambient);
+    if prepared.whole.loaded {
+        arm.load(ambient, rigid, scratch);
+    }
+    let posture = arm.posture(q, prepared.direction, ambient, rigid, scratch);
+    for effect in prepared.whole.postures.of(arm.effects, Stage::Posture) {
+        *twist = twist.plus(&effect.displacement(&posture));
+    }
+}
+
 /// What is left to the contract adds to the readings.
 pub(crate) fn set_contracted<T: Scalar>(prepared: &Prepared<'_, T>, q: &[T], additions: &mut [T]) {
     for addition in additions.iter_mut() {
@@ -589,7 +609,7 @@ pub(crate) fn set_contracted<T: Scalar>(prepared: &Prepared<'_, T>, q: &[T], add
         direction: prepared.direction,
         ambient: prepared.ambient,
     };
-    for effect in prepared.readings.of(prepared.arm.effects, Stage::Reading) {
+    for effect in prepared.whole.readings.of(prepared.arm.effects, Stage::Reading) {
         let (j, more) = effect.addition(&reading);
         if let Some(addition) = additions.get_mut(j) {
             *addition += more;

@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 use super::{Displacement, Posture};
 use crate::chain::{Frame, Gauge};
 use crate::jacobian::carried;
-use crate::pose::columns;
+use crate::pose::{added, columns, rotated};
+use crate::vector::{along, times};
 use crate::{Convention, Joint, Pose, Scalar, Twist};
 
 /// The described arm beside its baked form, for effects to attach themselves to. In double
@@ -70,18 +71,22 @@ impl<T: Scalar> Anchor<T> {
     }
 
     /// Origin of the described frame, given the baked one.
-    #[inline]
+    #[inline(never)]
     pub(super) fn origin(&self, frame: &Frame<T>) -> Vector3<T> {
         let [_, _, x, y, z] = self.0;
-        frame.origin + frame.rotation * Vector3::new(x, y, z)
+        added(
+            &frame.origin,
+            &rotated(&frame.rotation, &Vector3::new(x, y, z)),
+            T::one(),
+        )
     }
 
     /// x and y axes of the described frame, given the baked one.
-    #[inline]
+    #[inline(never)]
     pub(super) fn axes(&self, frame: &Frame<T>) -> [Vector3<T>; 2] {
         let [c, s, ..] = self.0;
         let [x, y, _] = columns(&frame.rotation);
-        [x * c + y * s, y * c - x * s]
+        [along(&times(&x, c), &y, s), along(&times(&y, c), &x, -s)]
     }
 }
 
@@ -155,7 +160,7 @@ impl<T: Scalar> Place<T> {
             Self::Joint(_) => Twist::zero(),
             Self::Base { unit, .. } => {
                 let r = &at.base.rotation;
-                Twist::new(r * unit.linear, r * unit.angular).scaled(factor)
+                Twist::new(rotated(r, &unit.linear), rotated(r, &unit.angular)).scaled(factor)
             }
         };
         Displacement {

@@ -1,13 +1,13 @@
 //! A revolute axis that tilts or shifts as it turns.
 
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::{
     Anchor, Description, Displacement, EffectModel, Posture, Selector, Stage, entry,
-    gear_eccentricity::harmonic,
+    gear_eccentricity::harmonic, one_way,
 };
-use crate::{Scalar, Twist};
+use crate::Scalar;
+use crate::vector::{along, times};
 
 /// Axis wobble, a higher pair: tilts (or shifts) everything beyond the joint across its axis, a
 /// harmonic of the reading in each of two directions, about the described joint frame's
@@ -159,14 +159,9 @@ impl<T: Scalar> AxisWobble<T> {
             (u, v) = (along_x * c + along_y * s, along_y * c - along_x * s);
         }
         let [x, y] = self.anchor.axes(frame);
-        let wobble = x * u + y * v;
-        Displacement {
-            twist: match self.motion {
-                Wobble::Tilt | Wobble::TurningTilt => Twist::new(Vector3::zeros(), wobble),
-                Wobble::Shift | Wobble::TurningShift => Twist::new(wobble, Vector3::zeros()),
-            },
-            origin: self.anchor.origin(frame),
-        }
+        let wobble = along(&times(&x, u), &y, v);
+        let tilts = matches!(self.motion, Wobble::Tilt | Wobble::TurningTilt);
+        one_way(tilts, &wobble, &self.anchor.origin(frame))
     }
 }
 

@@ -3,9 +3,10 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Description, Displacement, EffectModel, Posture, Stage, unit};
-use crate::pose::columns;
-use crate::{Scalar, Twist};
+use super::{Description, Displacement, EffectModel, Posture, Stage, one_way, unit};
+use crate::Scalar;
+use crate::pose::{columns, rotated};
+use crate::vector::{add_cross, along, dot, less};
 
 /// Base flex: tilts the robot base about its own x and y axes, each by `compliance` times
 /// gravity's moment about that axis, about the described base's origin.
@@ -99,15 +100,12 @@ impl<T: Scalar> BaseFlex<T> {
         };
         let [x, y, origin] = &self.base;
         let origin = at.base.point(origin);
-        let moment = moment + (frame.origin - origin).cross(force);
+        let moment = add_cross(moment, &less(&frame.origin, &origin), force);
         let mut turn = Vector3::zeros();
         for (axis, c) in [x, y].into_iter().zip(compliance) {
-            let axis = at.base.rotation * axis;
-            turn += axis * (moment.dot(&axis) * c);
+            let axis = rotated(&at.base.rotation, axis);
+            turn = along(&turn, &axis, dot(&moment, &axis) * c);
         }
-        Displacement {
-            twist: Twist::new(Vector3::zeros(), turn),
-            origin,
-        }
+        one_way(true, &turn, &origin)
     }
 }

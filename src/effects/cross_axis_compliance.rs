@@ -1,10 +1,10 @@
 //! A joint that tilts across its axis under gravity.
 
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Anchor, Description, Displacement, EffectModel, Posture, Stage};
-use crate::{Scalar, Twist};
+use super::{Anchor, Description, Displacement, EffectModel, Posture, Stage, one_way};
+use crate::Scalar;
+use crate::vector::{add_cross, along, dot, less};
 
 /// Cross-axis compliance: tilts everything beyond the joint by `compliance` times gravity's
 /// moment across the joint's axis. Equal in all directions across it.
@@ -76,7 +76,6 @@ impl<T: Scalar> EffectModel<T> for CrossAxisCompliance<T> {
         true
     }
 
-    #[inline]
     fn posture_partial(&self, _k: usize, at: &Posture<'_, T>) -> Displacement<T> {
         let j = usize::from(self.joint);
         let (Some(frame), Some(moment), Some(force)) =
@@ -85,11 +84,8 @@ impl<T: Scalar> EffectModel<T> for CrossAxisCompliance<T> {
             return Displacement::zero();
         };
         let origin = self.anchor.origin(frame);
-        let moment = moment + (frame.origin - origin).cross(force);
+        let moment = add_cross(moment, &less(&frame.origin, &origin), force);
         let z = frame.axis();
-        Displacement {
-            twist: Twist::new(Vector3::zeros(), moment - z * moment.dot(&z)),
-            origin,
-        }
+        one_way(true, &along(&moment, &z, -dot(&moment, &z)), &origin)
     }
 }

@@ -6,6 +6,7 @@ use super::{
     Anchor, Description, Displacement, EffectModel, Posture, Selector, Stage, about_joint, unit,
 };
 use crate::Scalar;
+use crate::vector::{along, cross, dot, times};
 
 /// Free gravity lever: the part of a joint's compliance that comes from one link beyond it (or
 /// its own), as the product of compliance, mass and centre of mass.
@@ -105,10 +106,10 @@ impl<T: Scalar> GravityLever<T> {
             return Displacement::zero();
         };
         let axes = self.anchor.axes(frame);
-        let lever = axes[0] * x + axes[1] * y;
+        let lever = along(&times(&axes[0], x), &axes[1], y);
         d.twist = d
             .twist
-            .scaled(d.twist.angular.dot(&lever.cross(at.gravity)));
+            .scaled(dot(&d.twist.angular, &cross(&lever, at.gravity)));
         d
     }
 }

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Displacement, EffectModel, Posture, Stage, about_joint};
 use crate::Scalar;
+use crate::vector::dot;
 
 /// Joint compliance: turns (or slides) the joint by `compliance` times gravity's torque (or
 /// force) on it, link masses and payload included. MRD 7.7.
@@ -69,7 +70,7 @@ impl<T: Scalar> EffectModel<T> for JointCompliance<T> {
         let mut d = about_joint(at, j);
         if let (Some(moment), Some(force)) = (at.moments.get(j), at.forces.get(j)) {
             // The turn's axis picks the torque, the slide's axis the force.
-            let load = d.twist.angular.dot(moment) + d.twist.linear.dot(force);
+            let load = dot(&d.twist.angular, moment) + dot(&d.twist.linear, force);
             d.twist = d.twist.scaled(load);
         }
         d

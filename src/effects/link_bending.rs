@@ -4,7 +4,8 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::{Description, Displacement, EffectModel, Posture, Selector, Stage, unit};
-use crate::pose::{columns, crossed, rotated, seen};
+use crate::pose::{added, columns, crossed, rotated, seen};
+use crate::vector::{add_cross, along, cross, dot, less, plus, square, times};
 use crate::{Scalar, Twist};
 
 /// Link bending under gravity's force F and moment M of what lies beyond the link. MRD 7.7.
@@ -139,15 +140,15 @@ impl<T: Scalar> EffectModel<T> for LinkBending<T> {
         };
         let [x, _, next] = columns(&link.rotation);
         let end = link.translation;
-        let length = end.norm_squared().root();
+        let length = square(&end).root();
         // Where the joint frames fall together the link points along x, by convention.
-        let along = if length > SHORT { end / length } else { x };
-        let first = across(&along, &[Vector3::z(), next, Vector3::x(), Vector3::y()]);
-        let second = crossed(&along, &first);
+        let ahead = if length > SHORT { times(&end, 1.0 / length) } else { x };
+        let first = across(&ahead, &[Vector3::z(), next, Vector3::x(), Vector3::y()]);
+        let second = crossed(&ahead, &first);
         self.link = Link {
             length,
             end: seen(gauge, &end),
-            axes: [along, first, second].map(|v| rotated(&gauge.rotation, &v)),
+            axes: [ahead, first, second].map(|v| rotated(&gauge.rotation, &v)),
         }
         .cast();
     }
@@ -177,30 +178,34 @@ impl<T: Scalar> LinkBending<T> {
         let Some(frame) = at.frames.get(j) else {
             return Displacement::zero();
         };
-        let end = frame.origin + frame.rotation * self.link.end;
-        let (mut moment, force) = beyond(at, j, &end);
-        let [along, first, second] = &self.link.axes;
-        let first = frame.rotation * first;
-        let second = frame.rotation * second;
+        let of_link = |v| rotated(&frame.rotation, v);
+        let [ahead, first, second] = self.link.axes.each_ref().map(of_link);
+        let mut origin = plus(&frame.origin, &of_link(&self.link.end));
+        let (mut moment, force) = beyond(at, j, &origin);
         let [f, s] = flexibility;
-        let l = self.link.length;
-        let (mut linear, mut scale, mut origin) = (Vector3::zeros(), T::one(), end);
+        let (mut linear, mut scale) = (Vector3::zeros(), T::one());
         if self.bends == Bends::Beam {
-            let half = frame.rotation * along * (l * T::of(0.5));
-            moment += half.cross(&force);
-            let cubed = l * l * l * T::of(1.0 / 12.0);
-            linear =
-                second * (f * cubed * force.dot(&second)) + first * (s * cubed * force.dot(&first));
-            scale = l;
-            origin = end - half;
+            scale = self.link.length;
+            let half = times(&ahead, scale * T::of(0.5));
+            moment = add_cross(&moment, &half, &force);
+            let cubed = scale * scale * scale * T::of(1.0 / 12.0);
+            let [f, s] = [f * cubed, s * cubed];
+            linear = both(&second, f * dot(&force, &second), &first, s * dot(&force, &first));
+            origin = less(&origin, &half);
         }
-        let angular =
-            first * (f * scale * moment.dot(&first)) + second * (s * scale * moment.dot(&second));
+        let [f, s] = [f * scale, s * scale];
+        let angular = both(&first, f * dot(&moment, &first), &second, s * dot(&moment, &second));
         Displacement {
             twist: Twist::new(linear, angular),
             origin,
         }
     }
+}
+
+/// `a x + b y`.
+#[inline(always)]
+fn both<T: Scalar>(a: &Vector3<T>, x: T, b: &Vector3<T>, y: T) -> Vector3<T> {
+    along(&times(a, x), b, y)
 }
 
 /// Below this length, m, a link has no direction of its own.
@@ -220,24 +225,27 @@ fn beyond<T: Scalar>(
         at.forces.get(next),
     ) {
         (Some(frame), Some(moment), Some(force)) => {
-            (moment + (frame.origin - point).cross(force), *force)
+            (
+                add_cross(moment, &less(&frame.origin, point), force),
+                *force,
+            )
         }
         _ => {
-            let force = at.gravity * at.ambient.payload;
-            let payload = at.tool.point(&at.ambient.payload_com);
-            ((payload - point).cross(&force), force)
+            let force = times(at.gravity, at.ambient.payload);
+            let payload = seen(at.tool, &at.ambient.payload_com);
+            (cross(&less(&payload, point), &force), force)
         }
     }
 }
 
-/// Unit vector across `along`: of the first candidate that is at least 30 degrees away from
+/// Unit vector across `ahead`: of the first candidate that is at least 30 degrees away from
 /// it, as far as it is across.
-fn across(along: &Vector3<f64>, candidates: &[Vector3<f64>]) -> Vector3<f64> {
+fn across(ahead: &Vector3<f64>, candidates: &[Vector3<f64>]) -> Vector3<f64> {
     for candidate in candidates {
-        let rest = candidate - along * along.dot(candidate);
-        let square = rest.norm_squared();
+        let rest = added(candidate, ahead, -dot(ahead, candidate));
+        let square = square(&rest);
         if square > 0.25 {
-            return rest / square.root();
+            return times(&rest, 1.0 / square.root());
         }
     }
     Vector3::zeros()

@@ -36,6 +36,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::{JointKind, Scalar, Twist};
+use crate::vector::less;
 use situation::since;
 
 pub use anchor::{AXES, Anchor, Description, Place};
@@ -93,7 +94,7 @@ impl<T: Scalar> Displacement<T> {
     /// The same of the tool point.
     #[inline]
     fn at_tool(&self, at: &Posture<'_, T>) -> Twist<T> {
-        self.twist.at(&(at.tool.translation - self.origin))
+        self.twist.at(&less(&at.tool.translation, &self.origin))
     }
 }
 
@@ -314,18 +315,31 @@ effects! { 'a:
     Unnamed,
 }
 
+/// A turn (or a shift) by `way` alone, about `origin`.
+pub(crate) fn one_way<T: Scalar>(
+    turns: bool,
+    way: &Vector3<T>,
+    origin: &Vector3<T>,
+) -> Displacement<T> {
+    let none = Vector3::zeros();
+    Displacement {
+        twist: match turns {
+            true => Twist::new(none, *way),
+            false => Twist::new(*way, none),
+        },
+        origin: *origin,
+    }
+}
+
 /// The turn of everything beyond joint `j` about (or, prismatic, the slide along) its own
 /// axis, per rad or m.
-#[inline]
 pub(crate) fn about_joint<T: Scalar>(at: &Posture<'_, T>, j: usize) -> Displacement<T> {
     match (at.joints.get(j), at.frames.get(j)) {
-        (Some(joint), Some(frame)) => Displacement {
-            twist: match joint.kind {
-                JointKind::Revolute => Twist::new(Vector3::zeros(), frame.axis()),
-                JointKind::Prismatic => Twist::new(frame.axis(), Vector3::zeros()),
-            },
-            origin: frame.origin,
-        },
+        (Some(joint), Some(frame)) => one_way(
+            joint.kind == JointKind::Revolute,
+            &frame.axis(),
+            &frame.origin,
+        ),
         _ => Displacement::zero(),
     }
 }

@@ -1,10 +1,10 @@
 //! A slide that is not straight.
 
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Anchor, Description, Displacement, EffectModel, Posture, Selector, Stage, entry};
-use crate::{Scalar, Twist};
+use super::{Anchor, Description, Displacement, EffectModel, Posture, Selector, Stage, entry, one_way};
+use crate::Scalar;
+use crate::vector::times;
 
 /// Prismatic straightness, one of the six components: displaces what the slide carries along or
 /// about one axis of its described frame, about that frame's origin, by a quadratic in the
@@ -89,13 +89,11 @@ impl<T: Scalar> EffectModel<T> for PrismaticStraightness<T> {
         Stage::Posture
     }
 
-    #[inline]
     fn posture_partial(&self, k: usize, at: &Posture<'_, T>) -> Displacement<T> {
         let s = entry(at.q, usize::from(self.joint));
         self.carried(at, if k == 0 { s } else { s * s })
     }
 
-    #[inline]
     fn displacement(&self, at: &Posture<'_, T>) -> Displacement<T> {
         let s = entry(at.q, usize::from(self.joint));
         let [linear, quadratic] = self.shape;
@@ -105,7 +103,6 @@ impl<T: Scalar> EffectModel<T> for PrismaticStraightness<T> {
 
 impl<T: Scalar> PrismaticStraightness<T> {
     /// Along or about its axis by this amount.
-    #[inline]
     fn carried(&self, at: &Posture<'_, T>, amount: T) -> Displacement<T> {
         let j = usize::from(self.joint);
         let Some(frame) = at.frames.get(j) else {
@@ -117,14 +114,7 @@ impl<T: Scalar> PrismaticStraightness<T> {
             1 => y,
             _ => frame.axis(),
         };
-        let error = direction * amount;
-        Displacement {
-            twist: if self.axis < 3 {
-                Twist::new(error, Vector3::zeros())
-            } else {
-                Twist::new(Vector3::zeros(), error)
-            },
-            origin: self.anchor.origin(frame),
-        }
+        let error = times(&direction, amount);
+        one_way(self.axis >= 3, &error, &self.anchor.origin(frame))
     }
 }

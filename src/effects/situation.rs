@@ -3,6 +3,8 @@
 use nalgebra::Vector3;
 
 use crate::chain::{BakedJoint, Frame};
+use crate::pose::{rotated, seen};
+use crate::vector::{along, cross, plus, times};
 use crate::{Pose, Scalar};
 
 /// What is known of a pose besides its joints. What was not measured stays at its default.
@@ -102,7 +104,7 @@ pub fn gravity_loads<T: Scalar>(
     forces: &mut [Vector3<T>],
 ) {
     let mut mass = ambient.payload;
-    let mut first_moment = tool.point(&ambient.payload_com) * ambient.payload;
+    let mut first_moment = times(&seen(tool, &ambient.payload_com), mass);
     for (((joint, frame), moment), force) in joints
         .iter()
         .zip(frames)
@@ -113,10 +115,11 @@ pub fn gravity_loads<T: Scalar>(
         let link = &joint.mass;
         if !link.mass.is_zero() {
             mass += link.mass;
-            first_moment += (frame.origin + frame.rotation * link.com) * link.mass;
+            let com = plus(&frame.origin, &rotated(&frame.rotation, &link.com));
+            first_moment = along(&first_moment, &com, link.mass);
         }
-        *force = gravity * mass;
-        *moment = (first_moment - frame.origin * mass).cross(gravity);
+        *force = times(gravity, mass);
+        *moment = cross(&along(&first_moment, &frame.origin, -mass), gravity);
     }
 }
 

@@ -3,9 +3,10 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Ambient, Description, Displacement, EffectModel, Posture, Selector, Stage, entry};
+use super::{Ambient, Description, Displacement, EffectModel, Posture, Selector, Stage, entry, one_way};
 use crate::pose::rotated;
-use crate::{JointKind, Scalar, Twist};
+use crate::vector::times;
+use crate::{JointKind, Scalar};
 
 /// Thermal growth: lengthens the link beyond the joint by `growth` of its length per K, along
 /// the line between the described joint frames; or, of a slide, what it has travelled,
@@ -137,13 +138,13 @@ impl<T: Scalar> EffectModel<T> for ThermalGrowth<T> {
         };
         let link = match (self.grows, joint.kind) {
             (Grows::Link, _) => self.link,
-            (Grows::Travel, JointKind::Prismatic) => Vector3::z() * entry(at.q, j),
+            (Grows::Travel, JointKind::Prismatic) => {
+                Vector3::new(T::zero(), T::zero(), entry(at.q, j))
+            }
             (Grows::Travel, JointKind::Revolute) => return Displacement::zero(),
         };
         let warming = at.ambient.warming(self.sensor, self.reference);
-        Displacement {
-            twist: Twist::new(frame.rotation * link * warming, Vector3::zeros()),
-            origin: frame.origin,
-        }
+        let link = times(&rotated(&frame.rotation, &link), warming);
+        one_way(false, &link, &frame.origin)
     }
 }

@@ -1,10 +1,10 @@
 //! A tool whose mass nobody declared, on a compliant joint.
 
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Displacement, EffectModel, Posture, Stage};
-use crate::{JointKind, Scalar, Twist};
+use super::{Displacement, EffectModel, Posture, Stage, one_way};
+use crate::vector::{cross, dot, less, times};
+use crate::{JointKind, Scalar};
 
 /// Tool load: turns (or slides) the joint by `load` times the torque (or force) of a unit mass
 /// at the tool point. `load` is the tool's mass times the joint's
@@ -59,23 +59,17 @@ impl<T: Scalar> EffectModel<T> for ToolLoad<T> {
         Stage::Posture
     }
 
-    #[inline]
     fn posture_partial(&self, _k: usize, at: &Posture<'_, T>) -> Displacement<T> {
         let j = usize::from(self.joint);
         let (Some(joint), Some(frame)) = (at.joints.get(j), at.frames.get(j)) else {
             return Displacement::zero();
         };
-        let (z, o) = (frame.axis(), Vector3::zeros());
-        let twist = match joint.kind {
-            JointKind::Revolute => {
-                let moment = (at.tool.translation - frame.origin).cross(at.gravity);
-                Twist::new(o, z * z.dot(&moment))
-            }
-            JointKind::Prismatic => Twist::new(z * z.dot(at.gravity), o),
+        let z = frame.axis();
+        let turns = joint.kind == JointKind::Revolute;
+        let load = match turns {
+            true => cross(&less(&at.tool.translation, &frame.origin), at.gravity),
+            false => *at.gravity,
         };
-        Displacement {
-            twist,
-            origin: frame.origin,
-        }
+        one_way(turns, &times(&z, dot(&z, &load)), &frame.origin)
     }
 }
