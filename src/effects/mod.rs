@@ -188,9 +188,23 @@ pub trait EffectModel<T: Scalar> {
     }
 }
 
-/// The list: variant, its order is its number in stored blobs.
+/// The list: variant, its order is its number in stored blobs; stage, or `either`.
 macro_rules! effects {
-    ($life:lifetime: $($(#[$meta:meta])* $name:ident $(<$borrow:lifetime>)?),+ $(,)?) => {
+    (@addition posture $e:ident $at:ident) => {{
+        let _ = $e;
+        T::zero()
+    }};
+    (@addition $stage:ident $e:ident $at:ident) => {
+        $e.addition($at)
+    };
+    (@displacement reading $e:ident $at:ident) => {{
+        let _ = $e;
+        Displacement::zero()
+    }};
+    (@displacement $stage:ident $e:ident $at:ident) => {
+        $e.displacement($at)
+    };
+    ($life:lifetime: $($(#[$meta:meta])* $name:ident $(<$borrow:lifetime>)? $stage:ident),+ $(,)?) => {
         /// One effect of any kind. `'a`: whoever holds the tables of joint curves.
         ///
         /// The variant's position is its number in stored blobs: append, never reorder, never
@@ -259,13 +273,13 @@ macro_rules! effects {
             /// The joint and what this effect adds to its reading, rad or m.
             #[inline]
             pub fn addition(&self, at: &Reading<'_, T>) -> (usize, T) {
-                match self { $(Self::$name(e) => (e.joint().unwrap_or(usize::MAX), e.addition(at))),+ }
+                match self { $(Self::$name(e) => (e.joint().unwrap_or(usize::MAX), effects!(@addition $stage e at))),+ }
             }
 
             /// Displacement of the tool point, axes of the kinematics' start frame.
             #[inline]
             pub fn displacement(&self, at: &Posture<'_, T>) -> Twist<T> {
-                match self { $(Self::$name(e) => e.displacement(at)),+ }.at_tool(at)
+                match self { $(Self::$name(e) => effects!(@displacement $stage e at)),+ }.at_tool(at)
             }
         }
     };
@@ -273,46 +287,46 @@ macro_rules! effects {
 
 effects! { 'a:
     /// See [`JointGain`].
-    JointGain,
+    JointGain reading,
     /// See [`GearEccentricity`].
-    GearEccentricity,
+    GearEccentricity reading,
     /// See [`JointCompliance`].
-    JointCompliance,
+    JointCompliance posture,
     /// See [`JointCurve`].
     #[serde(borrow)]
-    JointCurve<'a>,
+    JointCurve<'a> reading,
     /// See [`CrossAxisCompliance`].
-    CrossAxisCompliance,
+    CrossAxisCompliance posture,
     /// See [`ThermalDrift`].
-    ThermalDrift,
+    ThermalDrift either,
     /// See [`TimeDrift`].
-    TimeDrift,
+    TimeDrift either,
     /// See [`WarmUp`].
-    WarmUp,
+    WarmUp either,
     /// See [`StepChange`].
-    StepChange,
+    StepChange either,
     /// See [`GearRipple`].
-    GearRipple,
+    GearRipple reading,
     /// See [`LinkBending`].
-    LinkBending,
+    LinkBending posture,
     /// See [`BaseFlex`].
-    BaseFlex,
+    BaseFlex posture,
     /// See [`ToolLoad`].
-    ToolLoad,
+    ToolLoad posture,
     /// See [`GravityLever`].
-    GravityLever,
+    GravityLever posture,
     /// See [`Backlash`].
-    Backlash,
+    Backlash reading,
     /// See [`ThermalGrowth`].
-    ThermalGrowth,
+    ThermalGrowth posture,
     /// See [`JointCoupling`].
-    JointCoupling,
+    JointCoupling reading,
     /// See [`AxisWobble`].
-    AxisWobble,
+    AxisWobble posture,
     /// See [`PrismaticStraightness`].
-    PrismaticStraightness,
+    PrismaticStraightness posture,
     /// See [`Unnamed`].
-    Unnamed,
+    Unnamed either,
 }
 
 /// A turn (or a shift) by `way` alone, about `origin`.
