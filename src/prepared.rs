@@ -249,23 +249,18 @@ impl Kept {
         self.0 == 0 && effects.len() <= TOLD_APART
     }
 
-    #[inline(always)]
     fn of<'e, 'm, T: Scalar>(
         self,
         effects: &'e [Effect<'m, T>],
         stage: Stage,
     ) -> impl Iterator<Item = &'e Effect<'m, T>> {
         let mut left = self.0;
-        let told_apart = core::iter::from_fn(move || {
-            let place = usize::try_from(left.trailing_zeros()).ok()?;
-            if place == TOLD_APART {
-                return None;
-            }
-            left &= left.wrapping_sub(1);
-            effects.get(place)
-        });
-        let after = effects.iter().skip(TOLD_APART);
-        told_apart.chain(after.filter(move |e| e.stage() == stage))
+        effects.iter().filter(move |effect| {
+            let kept = left & 1 == 1;
+            // Those after the first are all kept.
+            left = left >> 1 | 1 << (TOLD_APART - 1);
+            kept && effect.stage() == stage
+        })
     }
 }
 

@@ -134,7 +134,7 @@ impl<T: Scalar> EffectModel<T> for AxisWobble<T> {
         self.wobbled(at, x, y)
     }
 
-    #[inline]
+    #[inline(never)]
     fn displacement(&self, at: &Posture<'_, T>) -> Displacement<T> {
         let angle = self.order * entry(at.q, usize::from(self.joint));
         let [a, b, c, d] = self.amplitude;

@@ -76,6 +76,7 @@ impl<T: Scalar> EffectModel<T> for CrossAxisCompliance<T> {
         true
     }
 
+    #[inline(never)]
     fn posture_partial(&self, _k: usize, at: &Posture<'_, T>) -> Displacement<T> {
         let j = usize::from(self.joint);
         let (Some(frame), Some(moment), Some(force)) =

@@ -64,7 +64,7 @@ impl<T: Scalar> EffectModel<T> for JointCompliance<T> {
         true
     }
 
-    #[inline]
+    #[inline(never)]
     fn posture_partial(&self, _k: usize, at: &Posture<'_, T>) -> Displacement<T> {
         let j = usize::from(self.joint);
         let mut d = about_joint(at, j);

@@ -91,8 +91,14 @@ impl<T: Scalar> Displacement<T> {
         }
     }
 
+    /// Adds `value` times one about the origin that it takes over.
+    #[inline(never)]
+    fn add(&mut self, other: &Self, value: T) {
+        self.origin = other.origin;
+        self.twist = self.twist.plus(&other.twist.scaled(value));
+    }
+
     /// The same of the tool point.
-    #[inline]
     fn at_tool(&self, at: &Posture<'_, T>) -> Twist<T> {
         self.twist.at(&less(&at.tool.translation, &self.origin))
     }
@@ -180,9 +186,7 @@ pub trait EffectModel<T: Scalar> {
     fn displacement(&self, at: &Posture<'_, T>) -> Displacement<T> {
         let mut sum = Displacement::zero();
         for (k, &value) in self.values().iter().enumerate() {
-            let partial = self.posture_partial(k, at);
-            sum.origin = partial.origin;
-            sum.twist = sum.twist.plus(&partial.twist.scaled(value));
+            sum.add(&self.posture_partial(k, at), value);
         }
         sum
     }

@@ -94,6 +94,7 @@ impl<T: Scalar> EffectModel<T> for PrismaticStraightness<T> {
         self.carried(at, if k == 0 { s } else { s * s })
     }
 
+    #[inline(never)]
     fn displacement(&self, at: &Posture<'_, T>) -> Displacement<T> {
         let s = entry(at.q, usize::from(self.joint));
         let [linear, quadratic] = self.shape;

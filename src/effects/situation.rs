@@ -94,6 +94,7 @@ pub struct Posture<'s, T: Scalar> {
 ///
 /// `moments[j]`: about the origin of frame `j`, of every mass beyond joint `j` and of the
 /// payload, N m; `forces[j]` in N. One pass from the tool to the base.
+#[inline(never)]
 pub fn gravity_loads<T: Scalar>(
     joints: &[BakedJoint<T>],
     frames: &[Frame<T>],

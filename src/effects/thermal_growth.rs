@@ -130,7 +130,7 @@ impl<T: Scalar> EffectModel<T> for ThermalGrowth<T> {
         Stage::Posture
     }
 
-    #[inline]
+    #[inline(never)]
     fn posture_partial(&self, _k: usize, at: &Posture<'_, T>) -> Displacement<T> {
         let j = usize::from(self.joint);
         let (Some(joint), Some(frame)) = (at.joints.get(j), at.frames.get(j)) else {

@@ -59,6 +59,7 @@ impl<T: Scalar> EffectModel<T> for ToolLoad<T> {
         Stage::Posture
     }
 
+    #[inline(never)]
     fn posture_partial(&self, _k: usize, at: &Posture<'_, T>) -> Displacement<T> {
         let j = usize::from(self.joint);
         let (Some(joint), Some(frame)) = (at.joints.get(j), at.frames.get(j)) else {
