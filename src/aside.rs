@@ -1,10 +1,12 @@
 //! What is large and not in a hurry.
 
-use crate::chain::{BakedJoint, Frame};
-use crate::budget::Moment;
+use crate::chain::{self, BakedJoint, Frame};
+use crate::budget::{self, Cost, Moment};
 use crate::compensate::descent::{self, Next, Search};
+use crate::compensate::rigid::Rest;
+use crate::compensate::swift::{Constants, Plain, Plan, eased};
 use crate::compensate::{PoseError, damped, error, lqr, minimum_move, rigid, step, swift, task_point};
-use crate::effects::{Ambient, Unnamed, unnamed};
+use crate::effects::{Ambient, Effect, Unnamed, unnamed};
 use crate::{pose, prepared};
 use crate::model::{Arm, Prediction, Scratch};
 use crate::prepared::{PreparedJoint, Whole};
@@ -143,6 +145,41 @@ aside! {
         e: &[Self; 6],
         clearance: bool,
     ) -> ([Self; 6], [Self; 2]) = damped::shared_multipliers;
+
+    /// What a compensation costs at worst, in general and in the plain case.
+    fn costs(joints: usize, effects: &[Effect<'_, Self>], iteration: Option<u32>) -> [Cost; 2]
+        = budget::costs;
+
+    /// What does not change from one plain case to the next.
+    fn constants(
+        plan: &Plan<'_, Self>,
+        travel: &mut [[Self; 2]],
+        inner: &mut [Self],
+    ) -> Option<Constants<Self>> = swift::constants;
+
+    /// A regulator's only step.
+    fn ease(
+        plan: &Plan<'_, Self>,
+        constants: &Constants<Self>,
+        rest: &Rest<Self>,
+        inverse: Self,
+        columns: &[Twist<Self>],
+        rows: &mut [[Self; 6]],
+        shares: &mut [Self],
+        q: &mut [Self],
+        travel: &[[Self; 2]],
+    ) -> Option<Plain<Self>> = eased::ease;
+
+    /// [`Pose::then`].
+    fn then(first: &Pose<Self>, next: &Pose<Self>) -> Pose<Self> = pose::then;
+
+    /// [`crate::forward`].
+    fn forward(
+        start: &Pose<Self>,
+        joints: &[BakedJoint<Self>],
+        q: &[Self],
+        frames: &mut [Frame<Self>],
+    ) -> Pose<Self> = chain::pass;
 
     /// Sine and cosine of each joint.
     fn turn_to(joints: &[BakedJoint<Self>], q: &[Self], turns: &mut [[Self; 2]]) = rigid::turn_to;

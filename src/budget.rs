@@ -171,7 +171,30 @@ pub(crate) const CYCLES: u32 = 3;
 /// branches and fewer multiplications: measured and held likewise.
 const CYCLES_OF_TWO: u32 = 5;
 
+/// What a compensation costs at worst, in general and in the plain case. `iteration`: what one
+/// takes, where the caller has said so.
+pub(crate) fn costs<T: Scalar>(
+    joints: usize,
+    effects: &[Effect<'_, T>],
+    iteration: Option<u32>,
+) -> [Cost; 2] {
+    match iteration {
+        // Three evaluations and a factor take less than three iterations; what is around the
+        // plain case, a pose among it, less than two of its own, which are the shorter ones.
+        Some(iteration) => [3, 2].map(|start| Cost {
+            start: iteration.saturating_mul(start),
+            iteration,
+        }),
+        None => [Cost::worst(joints, effects), Cost::plain(joints)],
+    }
+}
+
 impl Cost {
+    pub(crate) const NOTHING: Self = Self {
+        start: 0,
+        iteration: 0,
+    };
+
     /// Cycles of a Cortex-M4F with memory that never waits. On other cores, or with a clock
     /// that does not count core cycles, set [`crate::Settings::iteration_cycles`].
     pub fn worst<T: Scalar>(joints: usize, effects: &[Effect<'_, T>]) -> Self {

@@ -14,7 +14,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::pose::{columns, seen};
+use crate::pose::{columns, from_columns, seen};
+use crate::vector::{along, less, plus, times};
 use crate::{Convention, Joint, JointKind, Pose, Scalar};
 
 /// What gravity acts on in one link.
@@ -223,26 +224,36 @@ pub fn forward<T: Scalar>(
     q: &[T],
     frames: &mut [Frame<T>],
 ) -> Pose<T> {
+    T::forward(start, joints, q, frames)
+}
+
+/// [`crate::forward`].
+pub(crate) fn pass<T: Scalar>(
+    start: &Pose<T>,
+    joints: &[BakedJoint<T>],
+    q: &[T],
+    frames: &mut [Frame<T>],
+) -> Pose<T> {
     let [mut x, mut y, mut z] = columns(&start.rotation);
     let mut p = start.translation;
     for ((joint, &q), frame) in joints.iter().zip(q).zip(frames.iter_mut()) {
         let (s, c) = match joint.kind {
             JointKind::Revolute => q.sincos_beside(joint.theta),
-            JointKind::Prismatic => (joint.sincos_theta[0], joint.sincos_theta[1]),
+            JointKind::Prismatic => {
+                p = along(&p, &z, q);
+                (joint.sincos_theta[0], joint.sincos_theta[1])
+            }
         };
-        let x1 = x * c + y * s;
-        let y1 = y * c - x * s;
-        if joint.kind == JointKind::Prismatic {
-            p += z * q;
-        }
+        let x1 = along(&times(&x, c), &y, s);
+        let y1 = less(&times(&y, c), &times(&x, s));
         *frame = Frame {
-            rotation: Matrix3::from_columns(&[x1, y1, z]),
+            rotation: from_columns(&[x1, y1, z]),
             origin: p,
         };
-        p += x1 * joint.tx + y1 * joint.ty;
+        p = plus(&p, &along(&times(&x1, joint.tx), &y1, joint.ty));
         x = x1;
-        y = y1 * joint.cos_alpha + z * joint.sin_alpha;
-        z = z * joint.cos_alpha - y1 * joint.sin_alpha;
+        y = along(&times(&y1, joint.cos_alpha), &z, joint.sin_alpha);
+        z = less(&times(&z, joint.cos_alpha), &times(&y1, joint.sin_alpha));
     }
-    Pose::new(Matrix3::from_columns(&[x, y, z]), p)
+    Pose::new(from_columns(&[x, y, z]), p)
 }

@@ -189,6 +189,7 @@ pub struct Room<T: Scalar, const N: usize> {
 }
 
 impl<T: Scalar, const N: usize> Default for Room<T, N> {
+    #[inline(never)]
     fn default() -> Self {
         Self {
             readings: [T::zero(); N],
@@ -233,13 +234,21 @@ impl<T: Scalar, const N: usize> Model<'_, T, N> {
     }
 
     /// Where the calibrated arm's tool is in the world.
-    #[inline(never)]
     pub fn predict(&self, q: &[T; N], conditions: &Conditions<T, N>) -> Pose<T> {
+        self.evaluate(q, conditions, &mut Room::default()).pose()
+    }
+
+    /// The same before what the effects add is added, and the frames.
+    #[inline(never)]
+    pub(crate) fn evaluate(
+        &self,
+        q: &[T; N],
+        conditions: &Conditions<T, N>,
+        room: &mut Room<T, N>,
+    ) -> Prediction<T> {
         let mut joints = [PreparedJoint::empty(); N];
         let prepared = self.prepare(conditions, &mut joints);
-        prepared
-            .predict(q, &mut Room::<T, N>::default().scratch())
-            .pose()
+        prepared.predict(q, &mut room.scratch())
     }
 
     /// The calibrated arm with its effects under `conditions`.

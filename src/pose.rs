@@ -136,12 +136,8 @@ impl<T: Scalar> Pose<T> {
     }
 
     /// `self` (A to B) followed by `next` (B to C).
-    #[inline]
     pub fn then(&self, next: &Self) -> Self {
-        Self::new(
-            self.rotation * next.rotation,
-            self.translation + self.rotation * next.translation,
-        )
+        T::then(self, next)
     }
 
     /// Pose of A seen from B.
@@ -285,6 +281,12 @@ impl<T: Scalar> Pose<T> {
     pub fn is_finite(&self) -> bool {
         self.rotation.iter().all(|x| x.finite()) && self.translation.iter().all(|x| x.finite())
     }
+}
+
+/// [`Pose::then`].
+pub(crate) fn then<T: Scalar>(first: &Pose<T>, next: &Pose<T>) -> Pose<T> {
+    let axes = columns(&next.rotation).map(|axis| rotated(&first.rotation, &axis));
+    Pose::new(from_columns(&axes), seen(first, &next.translation))
 }
 
 /// [`Pose::displaced`].

@@ -4,7 +4,7 @@ use super::descent::weighted;
 use super::solve::{add, dot};
 use crate::effects::Conditions;
 use crate::model::{Model, Room};
-use crate::{Pose, PreparedJoint, Scalar};
+use crate::{Pose, Scalar};
 
 /// Joints that are tried together; the ones after these are rounded one by one.
 const TOGETHER: usize = 12;
@@ -25,9 +25,7 @@ pub fn nearest<T: Scalar, const N: usize>(
     conditions: &Conditions<T, N>,
 ) -> [T; N] {
     let mut room = Room::<T, N>::default();
-    let mut joints = [PreparedJoint::empty(); N];
-    let prepared = model.prepare(conditions, &mut joints);
-    let prediction = prepared.predict(q, &mut room.scratch());
+    let prediction = model.evaluate(q, conditions, &mut room);
     let settings = &model.settings;
     let weights = [settings.position_weight, settings.orientation_weight];
     let error = T::between(&prediction.pose(), desired);

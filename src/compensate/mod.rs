@@ -191,7 +191,7 @@ pub struct Compensator<'m, T: Scalar, const N: usize> {
     model: &'m Model<'m, T, N>,
     settings: Settings<T>,
     /// For the plain case.
-    constants: Option<swift::Constants<T, N>>,
+    constants: Option<swift::Constants<T>>,
     work: swift::Work<T, N>,
     /// For all others.
     search: descent::Work<T, N>,
@@ -208,11 +208,11 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         let mut compensator = Self {
             model,
             settings: model.settings,
-            constants: swift::Constants::of(model, &model.settings),
+            constants: None,
             work: swift::Work::default(),
             search: descent::Work::default(),
             prepared: [PreparedJoint::empty(); N],
-            costs: costs(model, &model.settings),
+            costs: [Cost::NOTHING; 2],
             state: State {
                 asked: [T::zero(); N],
                 found: [T::zero(); N],
@@ -220,6 +220,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
                 longest: 0,
             },
         };
+        compensator.tune();
         compensator.reset();
         compensator
     }
@@ -230,10 +231,28 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
     pub fn with_settings(mut self, settings: Settings<T>) -> Self {
         if settings.sound() {
             self.settings = settings;
-            self.constants = swift::Constants::of(self.model, &settings);
-            self.costs = costs(self.model, &settings);
+            self.tune();
         }
         self
+    }
+
+    /// Works the settings in.
+    #[inline(never)]
+    fn tune(&mut self) {
+        let (model, settings) = (self.model, &self.settings);
+        let swift::Work { travel, inner, .. } = &mut self.work;
+        self.constants = None;
+        if model.effects.is_empty() {
+            let plan = swift::Plan {
+                joints: &model.calibrated.joints,
+                tool: &model.calibrated.tool.translation,
+                limits: &model.limits,
+                resolution: &model.resolution,
+                settings,
+            };
+            self.constants = T::constants(&plan, travel, inner);
+        }
+        self.costs = T::costs(N, &model.effects, settings.iteration_cycles);
     }
 
     /// The settings in use.
@@ -416,19 +435,6 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             clamped,
             cycles: budget.spent(),
         }
-    }
-}
-
-/// What a compensation costs at worst, in general and in the plain case.
-fn costs<T: Scalar, const N: usize>(model: &Model<'_, T, N>, settings: &Settings<T>) -> [Cost; 2] {
-    match settings.iteration_cycles {
-        // Three evaluations and a factor take less than three iterations; what is around the
-        // plain case, a pose among it, less than two of its own, which are the shorter ones.
-        Some(iteration) => [3, 2].map(|start| Cost {
-            start: iteration.saturating_mul(start),
-            iteration,
-        }),
-        None => [Cost::worst(N, &model.effects), Cost::plain(N)],
     }
 }
 

@@ -18,7 +18,7 @@ struct Walk<T: Scalar> {
 
 /// What a pass leaves to the target.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rest<T: Scalar> {
+pub struct Rest<T: Scalar> {
     /// From the present pose to the target, about the target's position: of the screw that leads
     /// there, right to second order, since its point halfway moves along the chord. The angular
     /// part is the sine of the angle along the axis: to be used below a quarter turn.

@@ -27,7 +27,7 @@
 //! Jacobian says that it would change next to nothing: a share of at most `λ² |J⁻¹|²`, which is
 //! below `λ² / singular_value²`.
 
-mod eased;
+pub(crate) mod eased;
 mod second_order;
 #[cfg(test)]
 mod tests;
@@ -40,9 +40,8 @@ use super::error::PoseError;
 use super::rigid::{Rest, approach, turn_by, turns_at};
 use super::{Compensator, Outcome, Request, Status, direct, lqr, spherical_wrist, wrist_jacobian};
 use crate::budget::{Budget, Clock, PLAIN_ITERATIONS};
-use crate::model::Model;
 use crate::vector::{along, square};
-use crate::{JointKind, Method, Pose, Scalar, Settings, Twist};
+use crate::{BakedJoint, JointKind, Method, Pose, Scalar, Settings, Twist};
 
 /// Share of a step up to which a regulator's price may change it without being asked. The cost
 /// is above its minimum by as small a share of what the step's effort costs.
@@ -50,7 +49,7 @@ const UNFELT: f64 = 1.0 / 4096.0;
 
 /// What does not change from request to request.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Constants<T: Scalar, const N: usize> {
+pub struct Constants<T: Scalar> {
     /// Of the position and the orientation equations, the regulator's price with it.
     damping: [T; 2],
     /// Share of the price in that: zero without a regulator.
@@ -72,11 +71,7 @@ pub(super) struct Constants<T: Scalar, const N: usize> {
     /// Squares of the tolerances, or of what can be told apart in this number type.
     tolerance: Squares<T>,
     tangent: Tangent<T>,
-    /// Middle and half of where each joint may go, rad.
-    travel: [[T; 2]; N],
-    /// The part of that half in which the regulator's prices are the same,
-    inner: [T; N],
-    /// and how far before the half it ends at least, rad; zero without a regulator.
+    /// How wide the regulator's margins are at least, rad; zero without one.
     margin: T,
     regulator: bool,
     /// Ways that add up to more move at least one joint by half its resolution, rad.
@@ -96,6 +91,10 @@ pub(super) struct Work<T: Scalar, const N: usize> {
     steps: [T; N],
     /// What is added to it, rad.
     more: [T; N],
+    /// Middle and half of where each joint may go, rad,
+    pub(super) travel: [[T; 2]; N],
+    /// and the part of that half in which the regulator's prices are the same.
+    pub(super) inner: [T; N],
 }
 
 impl<T: Scalar, const N: usize> Default for Work<T, N> {
@@ -106,99 +105,123 @@ impl<T: Scalar, const N: usize> Default for Work<T, N> {
             columns: [Twist::zero(); N],
             steps: [T::zero(); N],
             more: [T::zero(); N],
+            travel: [[T::zero(); 2]; N],
+            inner: [T::zero(); N],
         }
     }
 }
 
-impl<T: Scalar, const N: usize> Constants<T, N> {
-    /// `None` where the model and the settings make no plain case.
-    pub(super) fn of(model: &Model<'_, T, N>, settings: &Settings<T>) -> Option<Self> {
-        let chain = &model.calibrated;
-        let [p, o] = [settings.position_weight, settings.orientation_weight];
-        let turns = chain.joints.iter().all(|j| j.kind == JointKind::Revolute);
-        let least = T::of(1e-3);
-        if N < 6 || !turns || !model.effects.is_empty() || p < least || o < least {
-            return None;
-        }
-        let tool = chain.tool.translation.norm_squared().root();
-        let mut reach = tool;
-        // Ways from the last axes to the next: from the last, 0, from the one before, ...
-        let mut ways = [T::zero(); 3];
-        for joint in &chain.joints {
-            let way = (joint.tx * joint.tx + joint.ty * joint.ty).root();
-            reach += way;
-            ways = [way, ways[0], ways[1]];
-        }
-        let [_, before, across] = ways;
-        // Coordinates add up to less than twice the way.
-        let floor = T::EPSILON * (T::one() + reach + reach);
-        let tolerance = |asked: T| if asked > floor { asked } else { floor };
-        let tolerance = PoseError {
-            position: tolerance(settings.position_tolerance),
-            orientation: tolerance(settings.orientation_tolerance),
-        };
-        let half = T::of(0.5);
-        let travel = model.limits.map(|[low, high]| {
-            // Rounding of the middle, of the half and of what is compared with them.
-            let rounding = (low.abs() + high.abs()) * T::EPSILON * T::of(4.0);
-            [(low + high) * half, (high - low) * half - rounding]
-        });
-        let share = T::of(2.0 * lqr::MARGIN);
-        let (price, margin) = match settings.method {
-            Method::Lqr => {
-                let narrower = |least: T, &[_, half]: &[T; 2]| least.min(half * share);
-                (settings.effort, travel.iter().fold(T::one(), narrower))
-            }
-            _ => (T::zero(), T::zero()),
-        };
-        let singular = settings.singular_value * settings.singular_value;
-        // Clear of singularities `|(W J)⁻¹|²` is at most one over this.
-        let clear = singular * if p < o { p * p } else { o * o };
-        let price = if price <= clear * T::of(UNFELT) {
-            T::zero()
-        } else {
-            price
-        };
-        let damping = settings.damping + price;
-        Some(Self {
-            damping: [damping / (p * p), damping / (o * o)],
-            priced: price / damping,
-            weights: [p * p, o * o],
-            singular,
-            reach,
-            twice_reach: reach + reach,
-            // What that is off by moves a point by less than an evaluation is rounded by.
-            spherical: spherical_wrist::fits(&chain.joints, T::EPSILON * T::of(16.0)),
-            wrist: direct::Wrist::of(tool + before, across, before),
-            screw: T::of(4.0) / (p * o),
-            tolerance: Squares::of_error(&tolerance),
-            tangent: Tangent::at(&tolerance),
-            travel,
-            inner: travel.map(|[_, half]| half * (T::one() - share)),
-            margin,
-            regulator: settings.method == Method::Lqr,
-            perceptible: model.resolution.iter().fold(T::zero(), |sum, &r| sum + r),
-        })
-    }
+/// What a plain case is made of.
+#[derive(Debug)]
+pub struct Plan<'m, T: Scalar> {
+    pub(super) joints: &'m [BakedJoint<T>],
+    pub(super) tool: &'m Vector3<T>,
+    pub(super) limits: &'m [[T; 2]],
+    pub(super) resolution: &'m [T],
+    pub(super) settings: &'m Settings<T>,
+}
 
-    /// Whether the command `q` is clear of a regulator's margins.
-    #[inline(never)]
-    fn clear_of_margins(&self, q: &[T; N]) -> bool {
-        for (&q, (&[middle, _], &inner)) in q.iter().zip(self.travel.iter().zip(&self.inner)) {
-            // NaN is not clear.
-            let clear = (q - middle).abs() < inner;
-            if !clear {
-                return false;
-            }
-        }
-        true
+/// Sets the constants, `travel` and `inner`. `None` where the model and the settings make no
+/// plain case.
+pub(crate) fn constants<T: Scalar>(
+    plan: &Plan<'_, T>,
+    travel: &mut [[T; 2]],
+    inner: &mut [T],
+) -> Option<Constants<T>> {
+    let settings = plan.settings;
+    let [p, o] = [settings.position_weight, settings.orientation_weight];
+    let turns = plan.joints.iter().all(|j| j.kind == JointKind::Revolute);
+    let least = T::of(1e-3);
+    if plan.joints.len() < 6 || !turns || p < least || o < least {
+        return None;
     }
+    let tool = square(plan.tool).root();
+    let mut reach = tool;
+    // Ways from the last axes to the next: from the last, 0, from the one before, ...
+    let mut ways = [T::zero(); 3];
+    for joint in plan.joints {
+        let way = (joint.tx * joint.tx + joint.ty * joint.ty).root();
+        reach += way;
+        ways = [way, ways[0], ways[1]];
+    }
+    let [_, before, across] = ways;
+    // Coordinates add up to less than twice the way.
+    let floor = T::EPSILON * (T::one() + reach + reach);
+    let tolerance = |asked: T| if asked > floor { asked } else { floor };
+    let tolerance = PoseError {
+        position: tolerance(settings.position_tolerance),
+        orientation: tolerance(settings.orientation_tolerance),
+    };
+    let regulator = settings.method == Method::Lqr;
+    let share = T::of(2.0 * lqr::MARGIN);
+    let mut margin = if regulator { T::one() } else { T::zero() };
+    for ((travel, inner), &[low, high]) in travel.iter_mut().zip(inner).zip(plan.limits) {
+        // Rounding of the middle, of the half and of what is compared with them.
+        let rounding = (low.abs() + high.abs()) * T::EPSILON * T::of(4.0);
+        let half = (high - low) * T::of(0.5) - rounding;
+        *travel = [(low + high) * T::of(0.5), half];
+        *inner = half * (T::one() - share);
+        margin = margin.min(half * share);
+    }
+    let singular = settings.singular_value * settings.singular_value;
+    // Clear of singularities `|(W J)⁻¹|²` is at most one over this.
+    let clear = singular * if p < o { p * p } else { o * o };
+    let mut price = T::zero();
+    if regulator && settings.effort > clear * T::of(UNFELT) {
+        price = settings.effort;
+    }
+    let damping = settings.damping + price;
+    Some(Constants {
+        damping: [damping / (p * p), damping / (o * o)],
+        priced: price / damping,
+        weights: [p * p, o * o],
+        singular,
+        reach,
+        twice_reach: reach + reach,
+        // What that is off by moves a point by less than an evaluation is rounded by.
+        spherical: spherical_wrist::fits(plan.joints, T::EPSILON * T::of(16.0)),
+        wrist: direct::Wrist::of(tool + before, across, before),
+        screw: T::of(4.0) / (p * o),
+        tolerance: Squares::of_error(&tolerance),
+        tangent: Tangent::at(&tolerance),
+        margin,
+        regulator,
+        perceptible: plan.resolution.iter().fold(T::zero(), |sum, &r| sum + r),
+    })
+}
 
+/// Whether the command `q` is clear of a regulator's margins.
+#[inline(never)]
+fn clear_of_margins<T: Scalar>(q: &[T], travel: &[[T; 2]], inner: &[T]) -> bool {
+    for (&q, (&[middle, _], &inner)) in q.iter().zip(travel.iter().zip(inner)) {
+        // NaN is not clear.
+        let clear = (q - middle).abs() < inner;
+        if !clear {
+            return false;
+        }
+    }
+    true
+}
+
+/// Whether `start` and all that is as near to it as `way` are inside the travel.
+#[inline(always)]
+fn inside<T: Scalar>(start: &[T], travel: &[[T; 2]], way: T) -> bool {
+    for (&start, &[middle, half]) in start.iter().zip(travel) {
+        // NaN is outside.
+        let inside = (start - middle).abs() < half - way;
+        if !inside {
+            return false;
+        }
+    }
+    true
+}
+
+impl<T: Scalar> Constants<T> {
     /// The undamped step of six joints, with a bound of `|J⁻¹|²` at the `first`.
     /// `way`: from the last joint's origin to the columns' point, m; `off`: square of the way
     /// from the tool point to it.
     #[inline(always)]
-    fn undamped(
+    fn undamped<const N: usize>(
         &self,
         columns: &[Twist<T>; N],
         way: &Vector3<T>,
@@ -224,19 +247,6 @@ impl<T: Scalar, const N: usize> Constants<T, N> {
             position: off.position + self.reach * third,
             orientation: off.orientation + third,
         }
-    }
-
-    /// Whether `start` and all that is as near to it as `way` are inside the travel.
-    #[inline(always)]
-    fn inside(&self, start: &[T; N], way: T) -> bool {
-        for (&start, &[middle, half]) in start.iter().zip(&self.travel) {
-            // NaN is outside.
-            let inside = (start - middle).abs() < half - way;
-            if !inside {
-                return false;
-            }
-        }
-        true
     }
 }
 
@@ -271,7 +281,7 @@ fn without<T: Scalar>(desired: &Pose<T>, base: &Pose<T>, tool: &Pose<T>) -> Pose
 
 /// How a plain case ended.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Plain<T> {
+pub struct Plain<T> {
     status: Status,
     iterations: u8,
     initial: Squares<T>,
@@ -386,10 +396,11 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
         let constants = self.constants.as_ref()?;
         let settings = &self.settings;
         let chain = &self.model.calibrated;
-        if constants.regulator && !constants.clear_of_margins(&request.q) {
-            return self.eased(request, desired, budget.fits(iteration_cycles));
-        }
         let target = without(desired, &chain.base, &chain.tool);
+        let Work { travel, inner, .. } = &self.work;
+        if constants.regulator && !clear_of_margins(&request.q, travel, inner) {
+            return self.eased(request, &target, budget.fits(iteration_cycles));
+        }
         let tip = &chain.tool.translation;
         let regulated = !constants.priced.is_zero();
         let Work {
@@ -398,6 +409,8 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             columns,
             steps,
             more,
+            travel,
+            ..
         } = &mut self.work;
         *q = request.q;
         let mut iterations = 0;
@@ -521,7 +534,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
         let near = travelled < settings.correction_bound[0];
         // From where the margins are clear no joint comes to its end by less than they are wide.
         let short = constants.regulator && travelled < constants.margin;
-        if !near || !(short || constants.inside(&request.q, travelled)) {
+        if !near || !(short || inside(&request.q, travel, travelled)) {
             return None;
         }
         self.state.asked = request.q;

@@ -2,11 +2,12 @@
 //! command in a margin, for which [`super::super::descent`] evaluates the model again and again.
 
 use super::super::descent::weighted;
-use super::super::rigid::approach;
+use super::super::rigid::{Rest, approach};
 use super::super::solve::dot;
 use super::super::{Compensator, Request, Status};
-use super::{Plain, Squares, Work, bound, without};
-use crate::{Pose, Scalar};
+use super::{Constants, Plain, Plan, Squares, Work, bound};
+use crate::vector::along;
+use crate::{Pose, Scalar, Twist};
 
 impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
     /// The only step of a regulator that asks a price of its own of each joint, where the command
@@ -16,96 +17,119 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
     pub(super) fn eased(
         &mut self,
         request: &Request<T, N>,
-        desired: &Pose<T>,
+        target: &Pose<T>,
         fits: bool,
     ) -> Option<Plain<T>> {
         let constants = self.constants.as_ref()?;
-        let settings = &self.settings;
-        if settings.max_iterations != 1 || !fits {
+        if self.settings.max_iterations != 1 || !fits {
             return None;
         }
-        let chain = &self.model.calibrated;
-        let target = without(desired, &chain.base, &chain.tool);
         let Work {
             q,
             turns,
             columns,
             steps,
+            more,
+            travel,
             ..
         } = &mut self.work;
+        let chain = &self.model.calibrated;
         T::turn_to(&chain.joints, &request.q, turns);
         let tip = &chain.tool.translation;
-        let rest = approach(&chain.joints, turns, tip, &target, columns, true);
-        let [position, orientation] = rest.squares;
-        let initial = Squares {
-            position,
-            orientation,
-        };
-        if !rest.turned(&initial) || initial.below(&constants.tolerance) {
-            return None;
-        }
-        let merit = initial.weighted(constants.weights);
+        let rest = approach(&chain.joints, turns, tip, target, columns, true);
+        let [position, _] = rest.squares;
         let inverse = constants.undamped(columns, &rest.way, &rest.twist, steps, true, position)?;
-        // No price for being near a singularity either; NaN is not clear.
-        let clear = inverse * (constants.singular + merit) <= T::one();
-        if !clear {
-            return None;
-        }
-        let mut prices = [T::zero(); N];
-        let limits = &self.model.limits;
-        T::prices(
-            settings.effort,
-            &request.q,
-            &chain.joints,
-            limits,
-            &mut prices,
-        );
-        let weights = [settings.position_weight, settings.orientation_weight];
-        let mut weighted_columns = [[T::zero(); 6]; N];
-        for (weighted_column, column) in weighted_columns.iter_mut().zip(columns.iter()) {
-            *weighted_column = weighted(column, weights);
-        }
-        let error = weighted(&rest.twist, weights);
-        // `p = S Jᵀ W (W J S Jᵀ W + μ I)⁻¹ W e`, `S = μ / (G + λ² I)`: of any μ the same step.
-        let mu = settings.damping + settings.effort;
-        for share in &mut prices {
-            *share = mu / (settings.damping + *share);
-        }
-        let (y, _) = T::shared_multipliers(&weighted_columns, &prices, mu, &error, false);
-        for (step, (column, share)) in steps.iter_mut().zip(weighted_columns.iter().zip(&prices)) {
-            *step = dot(column, &y) * *share;
-        }
+        let plan = Plan {
+            joints: &chain.joints,
+            tool: tip,
+            limits: &self.model.limits,
+            resolution: &self.model.resolution,
+            settings: &self.settings,
+        };
         *q = request.q;
-        let (mut way, mut left) = (T::zero(), rest.twist);
-        for ((q, &step), column) in q.iter_mut().zip(steps.iter()).zip(columns.iter()) {
-            *q += step;
-            way += step.abs();
-            left = left.plus(&column.scaled(-step));
-        }
-        let kept = Squares::of(&left).error();
-        let quarter = way * way * T::of(0.25);
-        let off = [constants.twice_reach * quarter, quarter];
-        // The roots are rough.
-        let kept = [kept.position, kept.orientation].map(|kept| kept * T::of(1.0 + 1e-5));
-        let remaining = bound(kept, off);
-        let squares = Squares::of_error(&remaining);
-        // NaN is none of these.
-        let better = squares.weighted(constants.weights) <= merit;
-        let near = way > constants.perceptible && way < settings.correction_bound[0];
-        if !better || !near || !constants.inside(&request.q, way) {
-            return None;
-        }
+        let mut rows = [[T::zero(); 6]; N];
+        let plain = T::ease(&plan, constants, &rest, inverse, columns, &mut rows, more, q, travel)?;
         self.state.asked = request.q;
         self.state.found = *q;
         self.state.last = *q;
-        Some(Plain {
-            status: match squares.below(&constants.tolerance) {
-                true => Status::Converged,
-                false => Status::IterationLimit,
-            },
-            iterations: 1,
-            initial,
-            remaining,
-        })
+        Some(plain)
     }
+}
+
+/// Moves `q` by the step to `rest`, if that is a plain case. `inverse`: bound of `|J⁻¹|²`;
+/// `rows` and `shares`: one place a joint.
+#[expect(clippy::too_many_arguments, reason = "the places of one step")]
+pub(crate) fn ease<T: Scalar>(
+    plan: &Plan<'_, T>,
+    constants: &Constants<T>,
+    rest: &Rest<T>,
+    inverse: T,
+    columns: &[Twist<T>],
+    rows: &mut [[T; 6]],
+    shares: &mut [T],
+    q: &mut [T],
+    travel: &[[T; 2]],
+) -> Option<Plain<T>> {
+    let settings = plan.settings;
+    let [position, orientation] = rest.squares;
+    let initial = Squares {
+        position,
+        orientation,
+    };
+    let merit = initial.weighted(constants.weights);
+    // No price for being near a singularity either; NaN is not clear.
+    let clear = inverse * (constants.singular + merit) <= T::one();
+    if !rest.turned(&initial) || initial.below(&constants.tolerance) || !clear {
+        return None;
+    }
+    // How far every joint may go.
+    let [mut room, _] = settings.correction_bound;
+    for (&q, &[middle, half]) in q.iter().zip(travel) {
+        let here = half - (q - middle).abs();
+        if here < room {
+            room = here;
+        }
+    }
+    T::prices(settings.effort, q, plan.joints, plan.limits, shares);
+    let weights = [settings.position_weight, settings.orientation_weight];
+    for (row, column) in rows.iter_mut().zip(columns) {
+        *row = weighted(column, weights);
+    }
+    let error = weighted(&rest.twist, weights);
+    // `p = S Jᵀ W (W J S Jᵀ W + μ I)⁻¹ W e`, `S = μ / (G + λ² I)`: of any μ the same step.
+    let mu = settings.damping + settings.effort;
+    for share in shares.iter_mut() {
+        *share = mu / (settings.damping + *share);
+    }
+    let (y, _) = T::shared_multipliers(rows, shares, mu, &error, false);
+    let (mut way, mut left) = (T::zero(), rest.twist);
+    for ((q, &share), (row, column)) in q.iter_mut().zip(&*shares).zip(rows.iter().zip(columns)) {
+        let step = dot(row, &y) * share;
+        *q += step;
+        way += step.abs();
+        left.linear = along(&left.linear, &column.linear, -step);
+        left.angular = along(&left.angular, &column.angular, -step);
+    }
+    let kept = Squares::of(&left).error();
+    let quarter = way * way * T::of(0.25);
+    let off = [constants.twice_reach * quarter, quarter];
+    // The roots are rough.
+    let kept = [kept.position, kept.orientation].map(|kept| kept * T::of(1.0 + 1e-5));
+    let remaining = bound(kept, off);
+    let squares = Squares::of_error(&remaining);
+    // NaN is none of these.
+    let better = squares.weighted(constants.weights) <= merit;
+    let near = way > constants.perceptible && way < room;
+    if !better || !near {
+        return None;
+    }
+    Some(Plain {
+        status: match squares.below(&constants.tolerance) {
+            true => Status::Converged,
+            false => Status::IterationLimit,
+        },
+        iterations: 1,
+        initial,
+        remaining,
+    })
 }

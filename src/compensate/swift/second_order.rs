@@ -13,7 +13,7 @@ use crate::{Scalar, Twist};
 /// all. A regulator's steps stay those of the linear equations.
 #[inline(never)]
 pub(super) fn second_order<T: Scalar, const N: usize>(
-    constants: &Constants<T, N>,
+    constants: &Constants<T>,
     columns: &[Twist<T>; N],
     to_point: &Vector3<T>,
     steps: &mut [T; N],
@@ -52,7 +52,7 @@ pub(super) fn second_order<T: Scalar, const N: usize>(
 #[inline(never)]
 #[expect(clippy::too_many_arguments, reason = "the places of one step")]
 fn straighten<T: Scalar, const N: usize>(
-    constants: &Constants<T, N>,
+    constants: &Constants<T>,
     columns: &[Twist<T>; N],
     to_point: &Vector3<T>,
     second: &Twist<T>,
