@@ -104,8 +104,7 @@ impl<'a> Body<'a> {
     fn varint(&mut self, bits: u32) -> Result<u32, Unreadable> {
         let (mut value, mut shift) = (0, 0);
         loop {
-            let (&byte, rest) = self.rest.split_first().ok_or(Unreadable)?;
-            self.rest = rest;
+            let byte = self.byte()?;
             let part = u32::from(byte & 0x7F);
             let left = bits.saturating_sub(shift);
             if left < 7 && part.checked_shr(left) != Some(0) {
@@ -122,10 +121,18 @@ impl<'a> Body<'a> {
         }
     }
 
+    #[inline(never)]
+    fn byte(&mut self) -> Result<u8, Unreadable> {
+        let (&byte, rest) = self.rest.split_first().ok_or(Unreadable)?;
+        self.rest = rest;
+        Ok(byte)
+    }
+
     fn length(&mut self) -> Result<usize, Unreadable> {
         usize::try_from(self.varint(32)?).map_err(|_| Unreadable)
     }
 
+    #[inline(never)]
     fn number(&mut self) -> Result<f64, Unreadable> {
         let (bytes, rest) = self.rest.split_first_chunk().ok_or(Unreadable)?;
         self.rest = rest;
@@ -192,9 +199,7 @@ impl<'a> Deserializer<'a> for &mut Body<'a> {
     }
 
     fn deserialize_u8<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Unreadable> {
-        let (&byte, rest) = self.rest.split_first().ok_or(Unreadable)?;
-        self.rest = rest;
-        visitor.visit_u8(byte)
+        visitor.visit_u8(self.byte()?)
     }
 
     fn deserialize_f64<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Unreadable> {
@@ -220,9 +225,7 @@ impl<'a> Deserializer<'a> for &mut Body<'a> {
     }
 
     fn deserialize_option<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Unreadable> {
-        let (&byte, rest) = self.rest.split_first().ok_or(Unreadable)?;
-        self.rest = rest;
-        match byte {
+        match self.byte()? {
             0 => visitor.visit_none(),
             1 => visitor.visit_some(self),
             _ => Err(Unreadable),

@@ -81,6 +81,7 @@ impl<I: I2c, D: DelayNs> Eeprom<I, D> {
     }
 
     /// The operations that set the address and then do `operation`.
+    #[inline(never)]
     fn transfer(&mut self, address: usize, operation: Operation<'_>) -> Result<(), I::Error> {
         let (device, bytes) = self.addresses(address);
         let [_, low] = bytes;
