@@ -5,7 +5,7 @@ use crate::budget::{self, Cost, Moment};
 use crate::compensate::descent::{self, Next, Search};
 use crate::compensate::rigid::Rest;
 use crate::compensate::swift::{Constants, Plain, Plan, eased};
-use crate::compensate::{PoseError, damped, error, lqr, minimum_move, rigid, step, swift, task_point};
+use crate::compensate::{self, PoseError, Status, damped, error, lqr, minimum_move, rigid, step, swift, task_point};
 use crate::effects::{Ambient, Effect, Unnamed, unnamed};
 use crate::{pose, prepared};
 use crate::model::{Arm, Prediction, Scratch};
@@ -42,14 +42,14 @@ aside! {
         additions: &mut [Self],
     ) = prepared::set_contracted;
 
-    /// Adds what is left to the effects' contract after the kinematics.
-    fn displace_contracted(
+    /// `before` with what is left to the effects' contract after the kinematics.
+    fn displaced_by_contract(
         prepared: &Prepared<'_, Self>,
         q: &[Self],
         rigid: &Pose<Self>,
         scratch: &mut Scratch<'_, Self>,
-        twist: &mut Twist<Self>,
-    ) = prepared::displace_contracted;
+        before: &Twist<Self>,
+    ) -> Twist<Self> = prepared::displaced_by_contract;
 
     /// See [`Arm::prepare`].
     fn work_in<'m>(
@@ -145,6 +145,14 @@ aside! {
         e: &[Self; 6],
         clearance: bool,
     ) -> ([Self; 6], [Self; 2]) = damped::shared_multipliers;
+
+    /// Why a request cannot be compensated, if so.
+    fn refusal(
+        q: &[Self],
+        direction: &[Self],
+        ambient: &Ambient<Self>,
+        pose: Option<&Pose<Self>>,
+    ) -> Option<Status> = compensate::refusal;
 
     /// What a compensation costs at worst, in general and in the plain case.
     fn costs(joints: usize, effects: &[Effect<'_, Self>], iteration: Option<u32>) -> [Cost; 2]

@@ -474,7 +474,7 @@ impl<T: Scalar> Prepared<'_, T> {
             twist = twist.at(&rigid.translation);
         }
         if !self.whole.postures.none(arm.effects) {
-            T::displace_contracted(self, q, &rigid, scratch, &mut twist);
+            twist = T::displaced_by_contract(self, q, &rigid, scratch, &twist);
         }
         Prediction { rigid, twist }
     }
@@ -576,22 +576,24 @@ impl<T: Scalar> Prepared<'_, T> {
     }
 }
 
-/// Adds what is left to the contract after the kinematics.
-pub(crate) fn displace_contracted<T: Scalar>(
+/// `before` with what is left to the contract after the kinematics.
+pub(crate) fn displaced_by_contract<T: Scalar>(
     prepared: &Prepared<'_, T>,
     q: &[T],
     rigid: &Pose<T>,
     scratch: &mut Scratch<'_, T>,
-    twist: &mut Twist<T>,
-) {
+    before: &Twist<T>,
+) -> Twist<T> {
     let (arm, ambient) = (&prepared.arm, prepared.ambient);
     if prepared.whole.loaded {
         arm.load(ambient, rigid, scratch);
     }
     let posture = arm.posture(q, prepared.direction, ambient, rigid, scratch);
+    let mut twist = *before;
     for effect in prepared.whole.postures.of(arm.effects, Stage::Posture) {
-        *twist = twist.plus(&effect.displacement(&posture));
+        twist = twist.plus(&effect.displacement(&posture));
     }
+    twist
 }
 
 /// What is left to the contract adds to the readings.

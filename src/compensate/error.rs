@@ -1,10 +1,9 @@
 //! The pose error that a compensator takes away.
 
-use nalgebra::Matrix3;
 use nalgebra::Vector3;
 
 use crate::pose::columns;
-use crate::vector::{add_cross, dot, less, square, times};
+use crate::vector::{add_cross, cross, dot, less, square, times};
 use crate::{Pose, Scalar, Twist};
 
 /// Size of a pose error.
@@ -46,10 +45,16 @@ pub(crate) fn between<T: Scalar>(predicted: &Pose<T>, desired: &Pose<T>) -> Twis
 
 /// Whether `pose` is finite and its rotation one, to a thousandth.
 pub(super) fn is_pose<T: Scalar>(pose: &Pose<T>) -> bool {
-    let off = pose.rotation.tr_mul(&pose.rotation) - Matrix3::identity();
     let tolerance = T::of(1e-3);
-    // NaN and infinity in the rotation fail the comparisons.
-    pose.translation.iter().all(|x| x.finite())
-        && off.iter().all(|x| x.abs() <= tolerance)
-        && pose.rotation.determinant() > T::zero()
+    let axes = columns(&pose.rotation);
+    let [x, y, z] = &axes;
+    let mut whole = dot(x, &cross(y, z)) > T::zero();
+    for (i, a) in axes.iter().enumerate() {
+        for (j, b) in axes.iter().enumerate() {
+            let one = if i == j { T::one() } else { T::zero() };
+            // NaN and infinity fail.
+            whole &= (dot(a, b) - one).abs() <= tolerance;
+        }
+    }
+    whole && pose.translation.iter().all(|x| x.finite())
 }

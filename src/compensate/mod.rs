@@ -27,7 +27,7 @@ mod taught;
 mod wrist_jacobian;
 
 use crate::budget::{Budget, Clock, Cost};
-use crate::effects::Conditions;
+use crate::effects::{Ambient, Conditions};
 use crate::model::Model;
 use crate::{Method, Pose, PreparedJoint, Scalar, Settings};
 
@@ -288,7 +288,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         inverse: Option<Inverse<'_, T, N>>,
         budget: &mut Budget<'_, C>,
     ) -> Outcome<T, N> {
-        let [cost, plain] = self.costs;
+        let [_, plain] = self.costs;
         // The plain case checks the joints and the pose as it goes.
         if matches!(self.settings.method, Method::InverseJacobian | Method::Lqr)
             && ordinary(&request.conditions)
@@ -306,18 +306,24 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
                 return plain.outcome(&self.state.found, budget.spent());
             }
         }
-        let outcome = match refusal(request) {
+        self.in_general(request, inverse, budget)
+    }
+
+    /// The same of any case.
+    #[inline(never)]
+    fn in_general<C: Clock>(
+        &mut self,
+        request: &Request<T, N>,
+        inverse: Option<Inverse<'_, T, N>>,
+        budget: &Budget<'_, C>,
+    ) -> Outcome<T, N> {
+        let Conditions { direction, ambient } = &request.conditions;
+        let outcome = match T::refusal(&request.q, direction, ambient, request.pose.as_ref()) {
             Some(Status::JointsNotFinite) => {
                 self.unchanged(self.state.last, Status::JointsNotFinite, budget)
             }
             Some(status) => self.unchanged(self.within_limits(&request.q), status, budget),
-            None => {
-                let cost = Cost {
-                    iteration: cost.iteration.max(self.state.longest),
-                    ..cost
-                };
-                self.descend(request, inverse, budget, &cost)
-            }
+            None => self.descend(request, inverse, budget),
         };
         if outcome.status.compensated() {
             self.state.asked = request.q;
@@ -327,14 +333,14 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         outcome
     }
 
-    #[inline(never)]
     fn descend<C: Clock>(
         &mut self,
         request: &Request<T, N>,
         inverse: Option<Inverse<'_, T, N>>,
         budget: &Budget<'_, C>,
-        cost: &Cost,
     ) -> Outcome<T, N> {
+        let [cost, _] = self.costs;
+        let iteration = cost.iteration.max(self.state.longest);
         let start = self.within_limits(&request.q);
         if !budget.fits(cost.start) {
             return self.unchanged(start, Status::OutOfBudget, budget);
@@ -351,7 +357,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         let prepared = model.prepare(&request.conditions, &mut self.prepared);
         let mut search =
             self.search
-                .search(model, settings, desired, inverse.is_some(), cost.iteration);
+                .search(model, settings, desired, inverse.is_some(), iteration);
         let State { asked, found, .. } = &self.state;
         T::set_out(&mut search, &request.q, asked, found);
         let mut begun = None;
@@ -446,29 +452,29 @@ fn all_finite<T: Scalar>(numbers: &[T]) -> bool {
         .finite()
 }
 
-/// Why a request cannot be compensated, if so.
-fn refusal<T: Scalar, const N: usize>(request: &Request<T, N>) -> Option<Status> {
-    if !all_finite(&request.q) {
+/// Why a request cannot be compensated, if so. Temperatures and time that are not finite are not
+/// known: their effects stay out.
+pub(crate) fn refusal<T: Scalar>(
+    q: &[T],
+    direction: &[T],
+    ambient: &Ambient<T>,
+    pose: Option<&Pose<T>>,
+) -> Option<Status> {
+    let com = &ambient.payload_com;
+    if !all_finite(q) {
         return Some(Status::JointsNotFinite);
     }
-    if !known(&request.conditions) {
+    if !all_finite(direction) || !all_finite(&[ambient.payload, com.x, com.y, com.z]) {
         return Some(Status::ConditionsNotFinite);
     }
-    match &request.pose {
+    match pose {
         Some(pose) if !error::is_pose(pose) => Some(Status::NotAPose),
         _ => None,
     }
 }
 
-/// Whether directions and payload are finite. Temperatures and time that are not are not
-/// known: their effects stay out.
-fn known<T: Scalar, const N: usize>(conditions: &Conditions<T, N>) -> bool {
-    let ambient = &conditions.ambient;
-    let com = &ambient.payload_com;
-    all_finite(&conditions.direction) && all_finite(&[ambient.payload, com.x, com.y, com.z])
-}
-
-/// The same at a glance: also false where they are so large that their sum is not finite.
+/// Whether directions and payload are finite at a glance: also false where they are so large
+/// that their sum is not.
 #[inline(always)]
 fn ordinary<T: Scalar, const N: usize>(conditions: &Conditions<T, N>) -> bool {
     let ambient = &conditions.ambient;
