@@ -474,7 +474,9 @@ impl<T: Scalar> Prepared<'_, T> {
             twist = twist.at(&rigid.translation);
         }
         if !self.whole.postures.none(arm.effects) {
-            twist = T::displaced_by_contract(self, q, &rigid, scratch, &twist);
+            // A copy: what is pointed at is in memory all along.
+            let before = twist;
+            twist = T::displaced_by_contract(self, q, &rigid, scratch, &before);
         }
         Prediction { rigid, twist }
     }
