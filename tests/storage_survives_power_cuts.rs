@@ -5,7 +5,7 @@ use crate::memories::{CUTS, Chip, Cut, DEVICE, NoDelay, Serial};
 use crate::random::Random;
 use truepose::params::BlobError;
 use truepose::storage::{
-    Eeprom, EepromError, Flash, Geometry, Memory, Progress, StorageError, Store,
+    Eeprom, EepromError, Either, Flash, Geometry, Memory, Progress, StorageError, Store,
 };
 
 /// A memory on the board, and the store that a program makes of it when it starts.
@@ -23,7 +23,8 @@ trait Rig {
 const SIZE: usize = 4 * 1024;
 
 impl<const WORD: usize, const BLOCK: usize> Rig for Chip<WORD, BLOCK> {
-    type Memory = Flash<Self>;
+    /// One of two kinds, as a program with both has it.
+    type Memory = Either<Flash<Self>, Eeprom<Serial<2, 64>, NoDelay>>;
 
     fn new() -> Self {
         Self::new(SIZE + 2 * BLOCK)
@@ -36,7 +37,8 @@ impl<const WORD: usize, const BLOCK: usize> Rig for Chip<WORD, BLOCK> {
     /// In the middle of the flash: the program has its ends.
     fn store(&self) -> Store<Self::Memory> {
         let (start, end) = (BLOCK as u32, (SIZE + BLOCK) as u32);
-        Store::new(Flash::part(self.clone(), start..end).unwrap()).unwrap()
+        let flash = Flash::part(self.clone(), start..end).unwrap();
+        Store::new(Either::First(flash)).unwrap()
     }
 
     fn power(&self, fuel: Option<usize>, cut: Cut) {
@@ -49,7 +51,7 @@ impl<const WORD: usize, const BLOCK: usize> Rig for Chip<WORD, BLOCK> {
 }
 
 impl<const ADDRESS: usize, const PAGE: usize> Rig for Serial<ADDRESS, PAGE> {
-    type Memory = Eeprom<Self, NoDelay>;
+    type Memory = Either<Flash<Chip<4, 64>>, Eeprom<Self, NoDelay>>;
 
     fn new() -> Self {
         Self(Chip::new(SIZE))
@@ -66,7 +68,8 @@ impl<const ADDRESS: usize, const PAGE: usize> Rig for Serial<ADDRESS, PAGE> {
             page: PAGE,
             address_bytes: ADDRESS as u8,
         };
-        Store::new(Eeprom::new(self.clone(), NoDelay, geometry)).unwrap()
+        let eeprom = Eeprom::new(self.clone(), NoDelay, geometry);
+        Store::new(Either::Second(eeprom)).unwrap()
     }
 
     fn power(&self, fuel: Option<usize>, cut: Cut) {

@@ -99,7 +99,9 @@ impl<I: I2c, D: DelayNs> Eeprom<I, D> {
 impl<I: I2c, D: DelayNs> Memory for Eeprom<I, D> {
     type Error = EepromError;
 
-    const WRITE_ONCE: bool = false;
+    fn write_once(&self) -> bool {
+        false
+    }
 
     fn size(&self) -> usize {
         self.geometry.size

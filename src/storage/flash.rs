@@ -54,7 +54,9 @@ impl<F: NorFlash> Flash<F> {
 impl<F: NorFlash> Memory for Flash<F> {
     type Error = F::Error;
 
-    const WRITE_ONCE: bool = true;
+    fn write_once(&self) -> bool {
+        true
+    }
 
     fn size(&self) -> usize {
         self.size

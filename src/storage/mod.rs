@@ -30,6 +30,7 @@
 //! that reads now so, now so, in a flash whose words cannot be written again.
 
 mod eeprom;
+mod either;
 mod error;
 mod flash;
 mod record;
@@ -39,6 +40,7 @@ mod update;
 use core::fmt::Debug;
 
 pub use eeprom::{Eeprom, EepromError, Geometry};
+pub use either::Either;
 pub use error::StorageError;
 pub use flash::Flash;
 pub use slots::{Store, Stored};
@@ -47,14 +49,14 @@ pub use update::{Progress, Update};
 /// The longest [`Memory::word`], bytes.
 pub const LONGEST_WORD: usize = 256;
 
-/// A memory that keeps its contents, as two slots need it: [`Flash`] or [`Eeprom`]. Addresses
+/// A memory that keeps its contents, as two slots need it: [`Flash`] or [`Eeprom`], or [`Either`]. Addresses
 /// count from 0 in bytes.
 pub trait Memory {
     /// What can go wrong.
     type Error: Debug;
 
     /// Whether a word has to be erased before it is written again.
-    const WRITE_ONCE: bool;
+    fn write_once(&self) -> bool;
 
     /// Bytes there are.
     fn size(&self) -> usize;

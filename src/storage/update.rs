@@ -118,7 +118,7 @@ impl<M: Memory> Store<M> {
                 }
                 Phase::Erase { done: 0 }
             }
-            Phase::Erase { done } if M::WRITE_ONCE && done < self.slot_size() => {
+            Phase::Erase { done } if self.memory.write_once() && done < self.slot_size() => {
                 self.memory
                     .erase(self.slot_address(update.slot) + done)
                     .map_err(StorageError::Memory)?;
@@ -198,7 +198,7 @@ impl<M: Memory> Store<M> {
         let address = self.record_address(slot, 1);
         let mut there = [0; RECORD];
         let read = self.read(address, &mut there).is_ok();
-        let blank = !M::WRITE_ONCE || there == [0xFF; RECORD];
+        let blank = !self.memory.write_once() || there == [0xFF; RECORD];
         if read && blank && there != record.bytes() {
             let _ = self.write(address, &record.bytes());
         }

@@ -9,7 +9,7 @@ use truepose::compensate::task_point::Inverse;
 use truepose::compensate::{Compensator, Request, minimum_move, task_point};
 use truepose::effects::{Ambient, Conditions};
 use truepose::link::{Event, Link, Tally};
-use truepose::storage::{Eeprom, Flash, Geometry, Memory, Progress, Store};
+use truepose::storage::{Eeprom, Either, Flash, Geometry, Progress, Store};
 use truepose::{Method, Model, Settings};
 
 use crate::absent::Absent;
@@ -58,12 +58,22 @@ pub fn run(
 /// Blobs from and into a flash and an EEPROM, without a link. `room`: for one blob.
 #[inline(never)]
 pub fn store(room: &mut [u8]) -> bool {
-    let nothing_kept = store_in(Flash::new(Absent), room);
-    nothing_kept & store_in(Eeprom::new(Absent, Absent, geometry()), room)
+    both().into_iter().all(|memory| store_in(memory, room))
+}
+
+/// Either memory, which the compiler does not know apart.
+type EitherMemory = Either<Flash<Absent>, Eeprom<Absent, Absent>>;
+
+fn both() -> [EitherMemory; 2] {
+    black_box([
+        Either::First(Flash::new(Absent)),
+        Either::Second(Eeprom::new(Absent, Absent, geometry())),
+    ])
 }
 
 /// The same with one memory.
-fn store_in<M: Memory>(memory: M, room: &mut [u8]) -> bool {
+#[inline(never)]
+fn store_in(memory: EitherMemory, room: &mut [u8]) -> bool {
     let Ok(mut store) = Store::new(memory) else {
         return false;
     };
@@ -89,12 +99,12 @@ fn geometry() -> Geometry {
 /// not there sends nothing that makes sense, so nothing may be taken in.
 #[inline(never)]
 pub fn keep(room: &mut [u8]) -> bool {
-    let nothing_kept = keep_in(Flash::new(Absent), room);
-    nothing_kept & keep_in(Eeprom::new(Absent, Absent, geometry()), room)
+    both().into_iter().all(|memory| keep_in(memory, room))
 }
 
 /// The same with one memory.
-fn keep_in<M: Memory>(memory: M, room: &mut [u8]) -> bool {
+#[inline(never)]
+fn keep_in(memory: EitherMemory, room: &mut [u8]) -> bool {
     let Ok(mut store) = Store::new(memory) else {
         return false;
     };
