@@ -18,6 +18,9 @@ pub struct Body<'a> {
     rest: &'a [u8],
     /// Whether a number has passed that is not finite or larger than [`LARGEST`].
     unsound: bool,
+    /// Whether the bytes did not follow the layout. It is looked at once a piece: what is read
+    /// then is zeros, which saves a way out at every number.
+    unreadable: bool,
 }
 
 /// The bytes do not follow the layout, or a type was asked for that no layout has.
@@ -43,13 +46,17 @@ impl<'a> Body<'a> {
         Self {
             rest: bytes,
             unsound: false,
+            unreadable: false,
         }
     }
 
     /// The next piece. Once in the program for each type, whoever takes it.
     #[inline(never)]
     pub(super) fn take<V: Deserialize<'a>>(&mut self) -> Result<V, BlobError> {
-        V::deserialize(self).map_err(|_| BlobError::Body)
+        match V::deserialize(&mut *self) {
+            Ok(piece) if !self.unreadable => Ok(piece),
+            _ => Err(BlobError::Body),
+        }
     }
 
     /// A string of at most `room` bytes.
@@ -63,8 +70,8 @@ impl<'a> Body<'a> {
 
     /// Length of the list whose items come next, at most `room`.
     pub(super) fn count(&mut self, room: usize) -> Result<usize, BlobError> {
-        let count = self.length().map_err(|_| BlobError::Body)?;
-        if count > room {
+        let count = self.length();
+        if count > room || self.unreadable {
             return Err(BlobError::Body);
         }
         Ok(count)
@@ -98,56 +105,86 @@ impl<'a> Body<'a> {
         self.rest.len()
     }
 
+    /// Nothing more can be read.
+    #[inline(never)]
+    fn fail(&mut self) {
+        self.rest = &[];
+        self.unreadable = true;
+    }
+
     /// An unsigned integer of `bits` bits: seven of them a byte, the lowest first, the highest
     /// bit of a byte says that more come.
     #[inline(never)]
-    fn varint(&mut self, bits: u32) -> Result<u32, Unreadable> {
+    fn varint(&mut self, bits: u32) -> u32 {
         let (mut value, mut shift) = (0, 0);
-        loop {
-            let byte = self.byte()?;
+        while shift < bits {
+            let byte = self.byte();
             let part = u32::from(byte & 0x7F);
-            let left = bits.saturating_sub(shift);
-            if left < 7 && part.checked_shr(left) != Some(0) {
-                return Err(Unreadable);
+            let left = bits - shift;
+            if left < 7 && part >> left != 0 {
+                break;
             }
-            value |= part.checked_shl(shift).unwrap_or(0);
+            value |= part << shift;
             if byte < 0x80 {
-                return Ok(value);
+                return value;
             }
             shift += 7;
-            if shift >= bits {
-                return Err(Unreadable);
+        }
+        self.fail();
+        0
+    }
+
+    #[inline(never)]
+    fn byte(&mut self) -> u8 {
+        match self.rest {
+            [byte, rest @ ..] => {
+                self.rest = rest;
+                *byte
+            }
+            [] => {
+                self.fail();
+                0
             }
         }
     }
 
-    #[inline(never)]
-    fn byte(&mut self) -> Result<u8, Unreadable> {
-        let (&byte, rest) = self.rest.split_first().ok_or(Unreadable)?;
-        self.rest = rest;
-        Ok(byte)
-    }
-
-    fn length(&mut self) -> Result<usize, Unreadable> {
-        usize::try_from(self.varint(32)?).map_err(|_| Unreadable)
+    fn length(&mut self) -> usize {
+        usize::try_from(self.varint(32)).unwrap_or(usize::MAX)
     }
 
     #[inline(never)]
-    fn number(&mut self) -> Result<f64, Unreadable> {
-        let (bytes, rest) = self.rest.split_first_chunk().ok_or(Unreadable)?;
+    fn number(&mut self) -> f64 {
+        let Some((bytes, rest)) = self.rest.split_first_chunk() else {
+            self.fail();
+            return 0.0;
+        };
         self.rest = rest;
         let number = f64::from_le_bytes(*bytes);
         // Magnitudes rank as their bits do; infinity and NaN come last.
         self.unsound |= number.abs().to_bits() > LARGEST.to_bits();
-        Ok(number)
+        number
+    }
+
+    /// Rounded once.
+    #[inline(never)]
+    fn rounded(&mut self) -> f32 {
+        self.number() as f32
     }
 
     /// As many bytes as their length in front says.
-    fn bytes(&mut self) -> Result<&'a [u8], Unreadable> {
-        let length = self.length()?;
-        let (bytes, rest) = self.rest.split_at_checked(length).ok_or(Unreadable)?;
-        self.rest = rest;
-        Ok(bytes)
+    #[inline(never)]
+    fn bytes(&mut self) -> &'a [u8] {
+        let length = self.length();
+        match self.rest.split_at_checked(length) {
+            Some((bytes, rest)) => {
+                self.rest = rest;
+                bytes
+            }
+            None => {
+                self.fail();
+                &[]
+            }
+        }
     }
 }
 
@@ -155,8 +192,8 @@ impl<'a> Body<'a> {
 macro_rules! integers {
     ($($name:ident $visit:ident $type:ty),+) => {
         $(fn $name<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Unreadable> {
-            let value = self.varint(<$type>::BITS)?;
-            visitor.$visit(<$type>::try_from(value).map_err(|_| Unreadable)?)
+            let value = self.varint(<$type>::BITS);
+            visitor.$visit(<$type>::try_from(value).unwrap_or_default())
         })+
     };
 }
@@ -194,25 +231,25 @@ impl<'a> Deserializer<'a> for &mut Body<'a> {
     }
 
     fn deserialize_seq<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Unreadable> {
-        let count = self.length()?;
+        let count = self.length();
         self.deserialize_tuple(count, visitor)
     }
 
     fn deserialize_u8<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Unreadable> {
-        visitor.visit_u8(self.byte()?)
+        visitor.visit_u8(self.byte())
     }
 
     fn deserialize_f64<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Unreadable> {
-        visitor.visit_f64(self.number()?)
+        visitor.visit_f64(self.number())
     }
 
     /// Stored as any real number, rounded once.
     fn deserialize_f32<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Unreadable> {
-        visitor.visit_f32(self.number()? as f32)
+        visitor.visit_f32(self.rounded())
     }
 
     fn deserialize_str<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Unreadable> {
-        let text = core::str::from_utf8(self.bytes()?).map_err(|_| Unreadable)?;
+        let text = core::str::from_utf8(self.bytes()).map_err(|_| Unreadable)?;
         visitor.visit_borrowed_str(text)
     }
 
@@ -221,11 +258,11 @@ impl<'a> Deserializer<'a> for &mut Body<'a> {
     }
 
     fn deserialize_bytes<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Unreadable> {
-        visitor.visit_borrowed_bytes(self.bytes()?)
+        visitor.visit_borrowed_bytes(self.bytes())
     }
 
     fn deserialize_option<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Unreadable> {
-        match self.byte()? {
+        match self.byte() {
             0 => visitor.visit_none(),
             1 => visitor.visit_some(self),
             _ => Err(Unreadable),
@@ -293,7 +330,7 @@ impl<'a> EnumAccess<'a> for &mut Body<'a> {
     type Variant = Self;
 
     fn variant_seed<S: DeserializeSeed<'a>>(self, seed: S) -> Result<(S::Value, Self), Unreadable> {
-        let number: u32 = self.varint(32)?;
+        let number: u32 = self.varint(32);
         let variant = seed.deserialize(number.into_deserializer())?;
         Ok((variant, self))
     }
