@@ -11,7 +11,7 @@ use crate::{pose, prepared};
 use crate::model::{Arm, Prediction, Scratch};
 use crate::prepared::{PreparedJoint, Whole};
 use crate::taught::{Cmac, Outputs, Place, Polynomial, Region, cmac, place, polynomial};
-use crate::{Pose, Prepared, Scalar, Twist};
+use crate::{Pose, Prepared, Scalar, Settings, Twist};
 use nalgebra::Vector3;
 
 /// Declares a trait of functions and implements it for both number types.
@@ -192,17 +192,18 @@ aside! {
     /// Sine and cosine of each joint.
     fn turn_to(joints: &[BakedJoint<Self>], q: &[Self], turns: &mut [[Self; 2]]) = rigid::turn_to;
 
-    /// What a regulator asks back of the way so far.
-    fn undo(
-        error: &mut Twist<Self>,
+    /// A damped step of a plain case.
+    fn damped_step(
+        constants: &Constants<Self>,
+        settings: &Settings<Self>,
+        error: &Twist<Self>,
         columns: &[Twist<Self>],
-        q: &[Self],
-        start: &[Self],
-        share: Self,
-    ) = swift::undo;
-
-    /// The same of the steps.
-    fn withdraw(steps: &mut [Self], q: &[Self], start: &[Self], share: Self) = swift::withdraw;
+        rows: &mut [[Self; 6]],
+        shares: &mut [Self],
+        ends: [&[Self]; 2],
+        first: bool,
+        steps: &mut [Self],
+    ) -> (Self, [Self; 2]) = swift::damped_step;
 
     /// See [`Polynomial::evaluate`].
     fn polynomial(

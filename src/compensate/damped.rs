@@ -1,12 +1,11 @@
 //! The damped step: six equations, solved without a loop.
 //!
 //! ```text
-//! delta_q = Jᵀ y,   (J Jᵀ + D) y = e,   D = diag(d_position, d_orientation)
+//! delta_q = S Jᵀ y,   (J S Jᵀ + mu I) y = e
 //! ```
 //! `e`: desired minus predicted, J: joint Jacobian, both about the same point in the same
-//! axes, lengths in m and angles in rad. MRD 5.43, damped. With weights w on the equations
-//! and a damping of lambda^2, D is lambda^2 / w^2. What the step leaves of the linear
-//! equations is `D y`, exactly.
+//! axes, weighted alike, S: a diagonal. MRD 5.43, damped. What the step leaves of the linear
+//! equations is `mu y`, exactly.
 //!
 //! The matrix is gathered joint by joint in 21 numbers and factored in blocks of three, all
 //! written out: a small floating-point unit keeps them in its registers.
@@ -39,16 +38,11 @@ impl<T: Scalar> Symmetric<T> {
         self.zz += a.z * b.z;
     }
 
-    /// No pivot is taken below `floor`, where there is one.
+    /// No pivot is taken below `floor`.
     #[inline(always)]
-    fn factor(&self, floor: Option<T>) -> Factor<T> {
-        let inverse = |pivot| {
-            T::one()
-                / match floor {
-                    None => pivot,
-                    Some(floor) if pivot > floor => pivot,
-                    Some(floor) => floor,
-                }
+    fn factor(&self, floor: T) -> Factor<T> {
+        let inverse = |pivot: T| {
+            T::one() / if pivot > floor { pivot } else { floor }
         };
         let ix = inverse(self.xx);
         let (yx, zx) = (self.yx * ix, self.zx * ix);
@@ -140,37 +134,6 @@ struct NormalMatrix<T: Scalar> {
 }
 
 impl<T: Scalar> NormalMatrix<T> {
-    /// D, for position, m^2 per (rad or m)^2, and orientation, rad^2 likewise, and the first
-    /// column, a turn about z through the origin.
-    #[inline(always)]
-    fn first([position, orientation]: [T; 2], column: &Twist<T>) -> Self {
-        let v = &column.linear;
-        let o = T::zero();
-        Self {
-            angular: Symmetric {
-                xx: orientation,
-                yx: o,
-                yy: orientation,
-                zx: o,
-                zy: o,
-                zz: orientation + T::one(),
-            },
-            linear: Symmetric {
-                xx: position + v.x * v.x,
-                yx: v.y * v.x,
-                yy: position + v.y * v.y,
-                zx: o,
-                zy: o,
-                zz: position,
-            },
-            mixed: [
-                Vector3::new(o, o, v.x),
-                Vector3::new(o, o, v.y),
-                Vector3::zeros(),
-            ],
-        }
-    }
-
     /// `mu` times the identity.
     #[inline(always)]
     fn diagonal(mu: T) -> Self {
@@ -190,12 +153,6 @@ impl<T: Scalar> NormalMatrix<T> {
         }
     }
 
-    /// Adds one column of J.
-    #[inline(always)]
-    fn add(&mut self, column: &Twist<T>) {
-        self.add_product(column, column);
-    }
-
     /// Adds `a bᵀ`, which is symmetric.
     #[inline(always)]
     fn add_product(&mut self, a: &Twist<T>, b: &Twist<T>) {
@@ -210,10 +167,9 @@ impl<T: Scalar> NormalMatrix<T> {
 
     /// Solves for `y`; where `clearance` is asked for, with the two halves of the trace of the
     /// inverse of the matrix, linear and angular, otherwise with zeros. No pivot is taken below
-    /// `floor`; without one, not finite if the matrix is not positive definite. Nor if a number
-    /// in it or in `e` is not finite; the caller's checks find it.
+    /// `floor`. Not finite if a number in it or in `e` is not; the caller's checks find it.
     #[inline(always)]
-    fn solve(&self, e: &Twist<T>, floor: Option<T>, clearance: bool) -> (Twist<T>, [T; 2]) {
+    fn solve(&self, e: &Twist<T>, floor: T, clearance: bool) -> (Twist<T>, [T; 2]) {
         let upper = self.angular.factor(floor);
         let [x, y, z] = &self.mixed;
         let (x, y, z) = (upper.forward(x), upper.forward(y), upper.forward(z));
@@ -263,37 +219,6 @@ fn rest<T: Scalar>(a: T, u: &Vector3<T>, v: &Vector3<T>) -> T {
     a - u.x * v.x - u.y * v.y - u.z * v.z
 }
 
-/// Entry of `Jᵀ y` that belongs to `column`.
-#[inline(always)]
-pub(super) fn share<T: Scalar>(column: &Twist<T>, y: &Twist<T>) -> T {
-    let (v, w) = (&column.linear, &column.angular);
-    let (f, m) = (&y.linear, &y.angular);
-    v.x * f.x + v.y * f.y + v.z * f.z + w.x * m.x + w.y * m.y + w.z * m.z
-}
-
-/// Solves `(J Jᵀ + D) y = e` for the J whose columns [`super::rigid::approach`] gave, and D
-/// with `damping` for position and orientation. Where `clearance` is asked for, the trace of
-/// `(J Jᵀ + D)⁻¹` is with it: the reciprocal of what [`super::step::clearance`] returns.
-#[inline(never)]
-pub(super) fn multipliers<T: Scalar>(
-    columns: &[Twist<T>],
-    damping: [T; 2],
-    e: &Twist<T>,
-    clearance: bool,
-) -> (Twist<T>, T) {
-    let [first, columns @ ..] = columns else {
-        return (Twist::zero(), T::zero());
-    };
-    let mut normal = NormalMatrix::first(damping, first);
-    // A count that the compiler does not know keeps it from unrolling the loop and from
-    // interleaving the columns, for which it runs out of registers.
-    for column in columns.iter().take(core::hint::black_box(columns.len())) {
-        normal.add(column);
-    }
-    let (y, [linear, angular]) = normal.solve(e, None, clearance);
-    (y, linear + angular)
-}
-
 /// Solves `(J S Jᵀ + mu I) y = e` for any J. `columns`: of J; `shares`: diagonal of S. Where
 /// `clearance` is asked for, with the two halves of the trace of `(J S Jᵀ + mu I)⁻¹`, linear
 /// and angular. No pivot is taken below `mu`, which is what it leaves of one without rounding:
@@ -308,13 +233,14 @@ pub(crate) fn shared_multipliers<T: Scalar>(
     let twist =
         |&[a, b, c, d, e, f]: &[T; 6]| Twist::new(Vector3::new(a, b, c), Vector3::new(d, e, f));
     let mut normal = NormalMatrix::diagonal(mu);
-    // As above.
+    // A count that the compiler does not know keeps it from unrolling the loop and from
+    // interleaving the columns, for which it runs out of registers.
     let count = core::hint::black_box(columns.len());
     for (column, &share) in columns.iter().zip(shares).take(count) {
         let column = twist(column);
         let shared = Twist::new(times(&column.linear, share), times(&column.angular, share));
         normal.add_product(&shared, &column);
     }
-    let (y, traces) = normal.solve(&twist(e), Some(mu), clearance);
+    let (y, traces) = normal.solve(&twist(e), mu, clearance);
     (y.rows(), traces)
 }

@@ -140,7 +140,8 @@ pub(super) fn step<T: Scalar>(
 mod tests {
     use nalgebra::{Matrix6, Vector6};
 
-    use super::super::damped::{multipliers, share};
+    use super::super::damped::shared_multipliers;
+    use super::super::solve::dot;
     use super::*;
 
     fn columns() -> [Twist<f64>; 6] {
@@ -259,12 +260,14 @@ mod tests {
             let Some(bound) = bound.filter(|&bound| bound * clear <= 1.0) else {
                 continue;
             };
-            let (y, trace) = multipliers(&columns, [damping; 2], &e, true);
+            let rows = columns.map(|column| column.rows());
+            let (y, [linear, angular]) =
+                shared_multipliers(&rows, &[1.0; 6], damping, &e.rows(), true);
             // Whatever is clear by the bound is so by the trace.
-            assert!(trace <= bound);
+            assert!(linear + angular <= bound);
             let size = Vector6::from(steps).norm();
-            for (column, step) in columns.iter().zip(steps) {
-                assert!((share(column, &y) - step).abs() <= damping * bound * size);
+            for (row, step) in rows.iter().zip(steps) {
+                assert!((dot(row, &y) - step).abs() <= damping * bound * size);
             }
             near += usize::from(bound * clear > 0.3);
         }

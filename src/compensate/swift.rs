@@ -35,9 +35,10 @@ mod tests;
 use nalgebra::{Matrix3, Vector3};
 
 use self::second_order::second_order;
-use super::damped::{multipliers, share};
+use super::descent::weighted;
 use super::error::PoseError;
 use super::rigid::{Rest, approach, turn_by, turns_at};
+use super::solve::dot;
 use super::{Compensator, Outcome, Request, Status, direct, lqr, spherical_wrist, wrist_jacobian};
 use crate::budget::{Budget, Clock, PLAIN_ITERATIONS};
 use crate::vector::{along, square};
@@ -91,6 +92,8 @@ pub(super) struct Work<T: Scalar, const N: usize> {
     steps: [T; N],
     /// What is added to it, rad.
     more: [T; N],
+    /// The weighted Jacobian.
+    rows: [[T; 6]; N],
     /// Middle and half of where each joint may go, rad,
     pub(super) travel: [[T; 2]; N],
     /// and the part of that half in which the regulator's prices are the same.
@@ -105,6 +108,7 @@ impl<T: Scalar, const N: usize> Default for Work<T, N> {
             columns: [Twist::zero(); N],
             steps: [T::zero(); N],
             more: [T::zero(); N],
+            rows: [[T::zero(); 6]; N],
             travel: [[T::zero(); 2]; N],
             inner: [T::zero(); N],
         }
@@ -409,6 +413,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             columns,
             steps,
             more,
+            rows,
             travel,
             ..
         } = &mut self.work;
@@ -464,28 +469,17 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             let undamped = trace
                 .is_some_and(|trace| !first || trace * (constants.singular + merit) <= T::one());
             if !undamped {
-                let mut asked = *error;
-                if regulated && !first {
-                    // What the price asks back of the way so far, none yet at first.
-                    T::undo(&mut asked, columns, q, &request.q, constants.priced);
-                }
-                let (y, trace) = multipliers(columns, constants.damping, &asked, first);
+                let ends: [&[T]; 2] = [q, &request.q];
+                let (trace, left) =
+                    T::damped_step(constants, settings, error, columns, rows, more, ends, first, steps);
                 // No price is put on corrections: `inverse_jacobian::singular_effort` is 0.
                 // NaN is not clear.
                 let clear = !first || trace * (constants.singular + merit) <= T::one();
                 if !clear {
                     return None;
                 }
-                for (step, column) in steps.iter_mut().zip(columns.iter()) {
-                    *step = share(column, &y);
-                }
-                if regulated && !first {
-                    T::withdraw(steps, q, &request.q, constants.priced);
-                }
                 if last || !first {
-                    let [position, orientation] = constants.damping;
-                    let sum = |v: &Vector3<T>| v.x.abs() + v.y.abs() + v.z.abs();
-                    kept = [position * sum(&y.linear), orientation * sum(&y.angular)];
+                    kept = left;
                 }
             }
             let mut way = T::zero();
@@ -560,20 +554,46 @@ impl<T: Scalar> Rest<T> {
     }
 }
 
-/// Adds to `error` what it would grow by if `share` of the way from `start` to `q` were undone.
-pub(crate) fn undo<T: Scalar>(error: &mut Twist<T>, columns: &[Twist<T>], q: &[T], start: &[T], share: T) {
-    for ((column, &q), &start) in columns.iter().zip(q).zip(start) {
-        let way = (q - start) * share;
-        error.linear = along(&error.linear, &column.linear, way);
-        error.angular = along(&error.angular, &column.angular, way);
+/// Sets the damped step to `error` from `q`, which was `start` before the `first`. Returns at the
+/// first the trace of `(J Jᵀ + D)⁻¹`, the reciprocal of [`super::step::clearance`], and what the
+/// step leaves of the position and the orientation equations. `rows` and `shares`: one place a
+/// joint.
+#[expect(clippy::too_many_arguments, reason = "the places of one step")]
+pub(crate) fn damped_step<T: Scalar>(
+    constants: &Constants<T>,
+    settings: &Settings<T>,
+    error: &Twist<T>,
+    columns: &[Twist<T>],
+    rows: &mut [[T; 6]],
+    shares: &mut [T],
+    [q, start]: [&[T]; 2],
+    first: bool,
+    steps: &mut [T],
+) -> (T, [T; 2]) {
+    let mut asked = *error;
+    // What the price asks back of the way so far, none yet at first.
+    for (back, (&q, &start)) in steps.iter_mut().zip(q.iter().zip(start)) {
+        *back = (q - start) * constants.priced;
     }
-}
-
-/// Takes `share` of the way from `start` to `q` off the steps.
-pub(crate) fn withdraw<T: Scalar>(steps: &mut [T], q: &[T], start: &[T], share: T) {
-    for (step, (&q, &start)) in steps.iter_mut().zip(q.iter().zip(start)) {
-        *step -= (q - start) * share;
+    let weights @ [p, o] = [settings.position_weight, settings.orientation_weight];
+    for (((row, share), column), &back) in rows.iter_mut().zip(&mut *shares).zip(columns).zip(&*steps)
+    {
+        asked.linear = along(&asked.linear, &column.linear, back);
+        asked.angular = along(&asked.angular, &column.angular, back);
+        *row = weighted(column, weights);
+        *share = T::one();
     }
+    let [damping, _] = constants.damping;
+    let mu = damping * (p * p);
+    let asked = weighted(&asked, weights);
+    let (y, [linear, angular]) = T::shared_multipliers(rows, shares, mu, &asked, first);
+    for (step, row) in steps.iter_mut().zip(&*rows) {
+        *step = dot(row, &y) - *step;
+    }
+    // It leaves `λ² y` of the weighted equations.
+    let [a, b, c, d, e, f] = y.map(|y| y.abs() * mu);
+    let left = [(a + b + c) / p, (d + e + f) / o];
+    (linear * (p * p) + angular * (o * o), left)
 }
 
 /// What a step leaves at most: what was `kept` back of the equations, and how far the pose

@@ -30,6 +30,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             columns,
             steps,
             more,
+            rows,
             travel,
             ..
         } = &mut self.work;
@@ -47,8 +48,7 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             settings: &self.settings,
         };
         *q = request.q;
-        let mut rows = [[T::zero(); 6]; N];
-        let plain = T::ease(&plan, constants, &rest, inverse, columns, &mut rows, more, q, travel)?;
+        let plain = T::ease(&plan, constants, &rest, inverse, columns, rows, more, q, travel)?;
         self.state.asked = request.q;
         self.state.found = *q;
         self.state.last = *q;

@@ -96,7 +96,7 @@ fn curvature<T: Scalar>(columns: &[Twist<T>], steps: &[T]) -> Twist<T> {
     let mut position = Vector3::new(w.x - square * v.y, w.y + square * v.x, w.z);
     let mut orientation = Vector3::new(-(halfway.y * *p1), halfway.x * *p1, o);
     turned += halfway;
-    // Not unrolled, as in `multipliers`.
+    // Not unrolled, as in `shared_multipliers`.
     let count = core::hint::black_box(columns.len());
     for (column, &p) in columns.iter().zip(steps).take(count) {
         let halfway = column.angular * (p * half);
