@@ -246,7 +246,7 @@ impl<T: Scalar, const N: usize> Model<'_, T, N> {
         conditions: &Conditions<T, N>,
         room: &mut Room<T, N>,
     ) -> Prediction<T> {
-        let mut joints = [PreparedJoint::empty(); N];
+        let mut joints = core::array::from_fn(|_| PreparedJoint::empty());
         let prepared = self.prepare(conditions, &mut joints);
         prepared.predict(q, &mut room.scratch())
     }

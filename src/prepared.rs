@@ -90,6 +90,7 @@ impl Motion {
 
 impl<'m, T: Scalar> PreparedJoint<'m, T> {
     /// Place for one joint.
+    #[inline(never)]
     pub fn empty() -> Self {
         let o = T::zero();
         Self {

@@ -120,6 +120,7 @@ impl<T: Scalar> Settings<T> {
 
     /// Whether a compensator can work with them: weights not negative and not both zero,
     /// damping at least 1e-9, nothing negative or NaN.
+    #[inline(never)]
     pub fn sound(&self) -> bool {
         let o = T::zero();
         let weights = [self.position_weight, self.orientation_weight];

@@ -211,7 +211,7 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             constants: None,
             work: swift::Work::default(),
             search: descent::Work::default(),
-            prepared: [PreparedJoint::empty(); N],
+            prepared: core::array::from_fn(|_| PreparedJoint::empty()),
             costs: [Cost::NOTHING; 2],
             state: State {
                 asked: [T::zero(); N],

@@ -47,7 +47,8 @@ pub(super) fn check(body: &[u8], layout: u16, joints: usize) -> Result<(), BlobE
     }
     look.commands()?;
     look.effects()?;
-    let settings: Settings<f64> = look.take()?;
+    // In single precision as well as the effects.
+    let settings: Settings<f32> = look.take()?;
     look.note(settings.sound(), BlobError::Settings);
     look.provenance()?;
     look.taught(layout, settings.method)?;

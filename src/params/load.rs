@@ -87,7 +87,7 @@ macro_rules! load_in {
                 settings: &mut Settings<Self>,
                 taught: &mut Taught<'a, Self>,
             ) -> Result<(), BlobError> {
-                *settings = body.take::<Settings<f64>>()?.cast();
+                *settings = body.take()?;
                 tables(body, layout, taught)
             }
         })+

@@ -18,9 +18,9 @@ use crate::Scalar;
 pub const MAX_DEGREE: u8 = 10;
 
 /// Instructions of a coefficient, of a polynomial of the last input and of an output in it.
-const PER_COEFFICIENT: usize = 5;
-const PER_CALL: usize = 35;
-const PER_CALL_OUTPUT: usize = 10;
+const PER_COEFFICIENT: usize = 13;
+const PER_CALL: usize = 100;
+const PER_CALL_OUTPUT: usize = 24;
 /// Instructions of all else, and in it of an input.
 const AROUND: usize = 240;
 const PER_INPUT: usize = 60;
@@ -235,10 +235,9 @@ fn horner<T: Scalar>(x: &[T], degree: usize, rows: &mut &[[u8; 4]], outputs: &mu
 
 /// `outputs x` and the next row.
 fn add_row<T: Scalar>(x: T, rows: &mut &[[u8; 4]], outputs: &mut [T]) {
-    for output in outputs {
-        if let Some((&bytes, rest)) = rows.split_first() {
-            *output = *output * x + T::of(f64::from(f32::from_le_bytes(bytes)));
-            *rows = rest;
-        }
+    let (row, rest) = rows.split_at_checked(outputs.len()).unwrap_or_default();
+    *rows = rest;
+    for (output, &bytes) in outputs.iter_mut().zip(row) {
+        *output = *output * x + T::of(f64::from(f32::from_le_bytes(bytes)));
     }
 }
