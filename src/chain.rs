@@ -14,7 +14,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::pose::{columns, from_columns, seen};
+use crate::pose::{both, columns, from_columns, seen};
 use crate::vector::{along, less, plus, times};
 use crate::{Convention, Joint, JointKind, Pose, Scalar};
 
@@ -165,32 +165,32 @@ pub fn bake<T: Scalar>(
                 let (r, t) = (&link.rotation, link.translation);
                 let (sx, sy) = (r[(0, 2)], -r[(1, 2)]);
                 let tiny = T::EPSILON * T::of(16.0);
-                let square = sx * sx + sy * sy;
+                let square = both(sx, sx, sy, sy);
                 let (mut s, mut c) = if square > tiny * tiny {
                     let norm = square.root();
                     (sx / norm, sy / norm)
                 } else {
                     (T::zero(), T::one())
                 };
-                if r[(0, 0)] * c + r[(1, 0)] * s < T::zero() {
+                if both(r.m11, c, r.m21, s) < T::zero() {
                     // Half a turn on both sides, and alpha changes sign: theta stays small.
                     (s, c) = (-s, -c);
                 }
                 // Of Rz(-phi) rotation = Rx(alpha) Rz(theta): cosine and sine of theta, alpha.
                 let (cosine, sine) = (
-                    r[(0, 0)] * c + r[(1, 0)] * s,
-                    -(r[(0, 1)] * c + r[(1, 1)] * s),
+                    both(r.m11, c, r.m21, s),
+                    -both(r.m12, c, r.m22, s),
                 );
                 beyond.theta = T::angle(sine, cosine);
                 beyond.sincos_theta = [sine, cosine];
-                baked.sin_alpha = r[(0, 2)] * s - r[(1, 2)] * c;
+                baked.sin_alpha = both(r.m13, s, r.m23, -c);
                 baked.cos_alpha = r[(2, 2)];
                 let (o, i) = (T::zero(), T::one());
                 let turn = Matrix3::new(c, -s, o, s, c, o, o, o, i);
                 match joint.kind {
                     JointKind::Revolute => {
-                        baked.tx = t.x * c + t.y * s;
-                        baked.ty = t.y * c - t.x * s;
+                        baked.tx = both(t.x, c, t.y, s);
+                        baked.ty = both(t.y, c, t.x, -s);
                         Pose::new(turn, Vector3::new(o, o, t.z))
                     }
                     JointKind::Prismatic => Pose::new(turn, t),

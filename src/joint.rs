@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::pose::{crossed, seen};
+use crate::pose::{added, crossed, dotted, seen};
 use crate::{Pose, Scalar, Twist};
 
 /// What a joint's reading means.
@@ -208,7 +208,7 @@ impl<T: Scalar> Joint<T> {
             Vector3::z()
         };
         let y = crossed(&z, &helper);
-        let y = y / y.norm_squared().root();
+        let y = added(&Vector3::zeros(), &y, T::one() / dotted(&y, &y).root());
         let x = crossed(&y, &z);
         let [across, along] = self.shift;
         let axes = Pose::new(Matrix3::from_columns(&[x, y, z]), self.point);

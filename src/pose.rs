@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::{Scalar, vector};
-use crate::vector::{along, cross, less, plus, square, times};
+use crate::vector::{along, cross, dot, less, plus, square, times};
 
 /// Pose of a frame B seen from a frame A, `t_a_b`.
 ///
@@ -132,7 +132,7 @@ impl<T: Scalar> Pose<T> {
     /// `self` followed by a way of `distance` (m) along its own x.
     pub fn moved_x(&self, distance: T) -> Self {
         let [x, ..] = columns(&self.rotation);
-        Self::new(self.rotation, self.translation + x * distance)
+        Self::new(self.rotation, added(&self.translation, &x, distance))
     }
 
     /// `self` (A to B) followed by `next` (B to C).
@@ -344,6 +344,18 @@ pub(crate) fn crossed<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
     cross(a, b)
 }
 
+/// `a · b`, out of line likewise.
+#[inline(never)]
+pub(crate) fn dotted<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> T {
+    dot(a, b)
+}
+
+/// `a x + b y`, out of line likewise.
+#[inline(never)]
+pub(crate) fn both<T: Scalar>(a: T, x: T, b: T, y: T) -> T {
+    a * x + b * y
+}
+
 /// `a + b k`, out of line likewise.
 #[inline(never)]
 pub(crate) fn added<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>, k: T) -> Vector3<T> {
@@ -375,9 +387,10 @@ fn turned<T: Scalar>(first: &Vector3<T>, second: &Vector3<T>, angle: T) -> [Vect
         return [*first, *second];
     }
     let (s, c) = angle.sincos();
+    let none = Vector3::zeros();
     [
-        added(&times(first, c), second, s),
-        added(&times(second, c), first, -s),
+        added(&added(&none, first, c), second, s),
+        added(&added(&none, second, c), first, -s),
     ]
 }
 

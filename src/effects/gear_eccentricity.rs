@@ -104,7 +104,7 @@ pub(super) fn harmonic<T: Scalar>(k: usize, angle: T) -> T {
 }
 
 /// Sine and cosine less 1 of an angle in rad, in these amounts.
-#[inline]
+#[inline(never)]
 pub(super) fn harmonics<T: Scalar>(amplitude: &[T; 2], angle: T) -> T {
     let (s, c) = angle.sincos();
     amplitude[0] * s + amplitude[1] * (c - T::one())

@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::{Description, Displacement, EffectModel, Posture, Selector, Stage, unit};
-use crate::pose::{added, columns, crossed, rotated, seen};
-use crate::vector::{add_cross, along, cross, dot, less, plus, square, times};
+use crate::pose::{added, columns, crossed, dotted, rotated, seen};
+use crate::vector::{add_cross, along, cross, dot, less, plus, times};
 use crate::{Scalar, Twist};
 
 /// Link bending under gravity's force F and moment M of what lies beyond the link. MRD 7.7.
@@ -140,9 +140,9 @@ impl<T: Scalar> EffectModel<T> for LinkBending<T> {
         };
         let [x, _, next] = columns(&link.rotation);
         let end = link.translation;
-        let length = square(&end).root();
+        let length = dotted(&end, &end).root();
         // Where the joint frames fall together the link points along x, by convention.
-        let ahead = if length > SHORT { times(&end, 1.0 / length) } else { x };
+        let ahead = if length > SHORT { added(&Vector3::zeros(), &end, 1.0 / length) } else { x };
         let first = across(&ahead, &[Vector3::z(), next, Vector3::x(), Vector3::y()]);
         let second = crossed(&ahead, &first);
         self.link = Link {
@@ -242,10 +242,10 @@ fn beyond<T: Scalar>(
 /// it, as far as it is across.
 fn across(ahead: &Vector3<f64>, candidates: &[Vector3<f64>]) -> Vector3<f64> {
     for candidate in candidates {
-        let rest = added(candidate, ahead, -dot(ahead, candidate));
-        let square = square(&rest);
+        let rest = added(candidate, ahead, -dotted(ahead, candidate));
+        let square = dotted(&rest, &rest);
         if square > 0.25 {
-            return times(&rest, 1.0 / square.root());
+            return added(&Vector3::zeros(), &rest, 1.0 / square.root());
         }
     }
     Vector3::zeros()

@@ -141,8 +141,10 @@ impl Shape {
         }
         let value = match self {
             Self::One => i,
-            Self::Sine => (parameter * x).sincos().0,
-            Self::Cosine => (parameter * x).sincos().1,
+            Self::Sine | Self::Cosine => {
+                let (sine, cosine) = (parameter * x).sincos();
+                if self == Self::Sine { sine } else { cosine }
+            }
             Self::Sign => ((x - parameter) / (half * T::of(RAMP))).max(-i).min(i),
             Self::Polynomial(degree) => legendre(degree, u.max(-i).min(i)),
         };
