@@ -218,6 +218,9 @@ pub struct Whole<T: Scalar> {
     /// Effects that are left to their contract.
     readings: Kept,
     postures: Kept,
+    /// Whether there are any of the ones and of the others.
+    adds: bool,
+    displaces: bool,
     /// Whether one of these looks at gravity's loads.
     loaded: bool,
 }
@@ -231,6 +234,8 @@ struct Moves {
     growth: bool,
     /// Joints that give way.
     gravity: bool,
+    /// One of the two that turn.
+    turns: bool,
 }
 
 /// Some of a list of effects: a bit for each of the first [`TOLD_APART`], and all after them.
@@ -282,6 +287,8 @@ impl<'m, T: Scalar> Arm<'m, T> {
             moves: Moves::default(),
             readings: Kept::default(),
             postures: Kept::default(),
+            adds: false,
+            displaces: false,
             loaded: false,
         };
         T::work_in(self, direction, ambient, joints, &mut whole);
@@ -327,7 +334,10 @@ pub(crate) fn work_in<'m, T: Scalar>(
             Stage::Posture => whole.postures.keep(place),
         }
     }
+    whole.adds = !whole.readings.none(arm.effects);
+    whole.displaces = !whole.postures.none(arm.effects);
     whole.moves = work.moves;
+    whole.moves.turns = work.moves.base || work.moves.gravity;
     if work.moves.growth || work.moves.gravity {
         work.move_along_axes(arm.tool, ambient);
     }
@@ -459,7 +469,7 @@ impl<T: Scalar> Prepared<'_, T> {
     #[inline(never)]
     pub fn predict(&self, q: &[T], scratch: &mut Scratch<'_, T>) -> Prediction<T> {
         let arm = &self.arm;
-        let contracted = !self.whole.readings.none(arm.effects);
+        let contracted = self.whole.adds;
         if contracted {
             T::set_contracted(self, q, scratch.readings);
         }
@@ -471,10 +481,10 @@ impl<T: Scalar> Prepared<'_, T> {
         if self.whole.moves.gravity {
             self.give_way(scratch, &mut twist);
         }
-        if self.whole.moves.gravity || self.whole.moves.base {
+        if self.whole.moves.turns {
             twist = twist.at(&rigid.translation);
         }
-        if !self.whole.postures.none(arm.effects) {
+        if self.whole.displaces {
             // A copy: what is pointed at is in memory all along.
             let before = twist;
             twist = T::displaced_by_contract(self, q, &rigid, scratch, &before);
