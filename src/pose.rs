@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::{Scalar, vector};
-use crate::vector::{along, cross, dot, less, plus, square, times};
+use crate::vector::{add_cross, along, cross, dot, less, plus, square, times};
 
 /// Pose of a frame B seen from a frame A, `t_a_b`.
 ///
@@ -45,7 +45,10 @@ impl<T: Scalar> Twist<T> {
     /// present reference point: `linear + angular x arm`.
     #[inline]
     pub fn at(&self, arm: &Vector3<T>) -> Self {
-        Self::new(plus(&self.linear, &cross(&self.angular, arm)), self.angular)
+        Self::new(
+            add_cross(&self.linear, &self.angular, arm),
+            self.angular,
+        )
     }
 
     /// Scaled by `factor`.
