@@ -19,6 +19,7 @@ macro_rules! aside {
     ($($(#[$meta:meta])* fn $name:ident$(<$life:lifetime>)?($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)? = $path:path;)+) => {
         /// Behind a trait's functions code is in a program once for each number type, and is
         /// compiled with this crate for size, not with its caller for speed.
+        #[expect(clippy::too_many_arguments, reason = "the places of one step")]
         pub trait Aside: Sized {
             $($(#[$meta])*
             fn $name$(<$life>)?($($argument: $type),*) $(-> $result)? where Self: Scalar;)+

@@ -34,7 +34,7 @@
 #define TRUEPOSE_MAX_SENSORS 8
 
 // Size of a `truepose_compensator` in words of 8 bytes, for the largest build.
-#define TRUEPOSE_WORDS 1024
+#define TRUEPOSE_WORDS 1088
 
 // What a function answers. Zero is success; every other one says why nothing was done.
 typedef enum truepose_error {

@@ -8,7 +8,7 @@ use truepose::compensate::Compensator;
 use crate::{JOINTS, truepose_error};
 
 /// Size of a `truepose_compensator` in words of 8 bytes, for the largest build.
-pub const TRUEPOSE_WORDS: usize = 1024;
+pub const TRUEPOSE_WORDS: usize = 1088;
 
 /// A compensator with its model. Room for it is the caller's: a static variable, or a local one
 /// that lives long enough. Set it to zero before `truepose_init`.

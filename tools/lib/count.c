@@ -39,7 +39,7 @@ uint64_t qemu_plugin_insn_vaddr(const struct qemu_plugin_insn *);
 size_t qemu_plugin_insn_size(const struct qemu_plugin_insn *);
 enum { NO_REGISTERS = 0, WRITES = 2 };
 
-enum { FUNCTIONS = 64, STEPS = 1 << 15 };
+enum { FUNCTIONS = 64, STEPS = 1 << 16 };
 
 struct step { uint32_t from, to; uint64_t count; };
 
