@@ -1,17 +1,19 @@
 //! What is large and not in a hurry.
 
-use crate::chain::{self, BakedJoint, Frame};
 use crate::budget::{self, Cost, Moment};
+use crate::chain::{self, BakedJoint, Frame};
 use crate::compensate::descent::{self, Next, Search};
 use crate::compensate::rigid::Rest;
 use crate::compensate::swift::{Constants, Plain, Plan, eased};
-use crate::compensate::{self, PoseError, Status, damped, error, lqr, minimum_move, rigid, step, swift, task_point};
+use crate::compensate::{
+    self, PoseError, Status, damped, error, lqr, minimum_move, rigid, step, swift, task_point,
+};
 use crate::effects::{Ambient, Effect, Unnamed, unnamed};
-use crate::{pose, prepared};
 use crate::model::{Arm, Prediction, Scratch};
 use crate::prepared::{PreparedJoint, Whole};
 use crate::taught::{Cmac, Outputs, Place, Polynomial, Region, cmac, place, polynomial};
 use crate::{Pose, Prepared, Scalar, Settings, Twist};
+use crate::{pose, prepared};
 use nalgebra::Vector3;
 
 /// Declares a trait of functions and implements it for both number types.

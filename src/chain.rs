@@ -177,10 +177,7 @@ pub fn bake<T: Scalar>(
                     (s, c) = (-s, -c);
                 }
                 // Of Rz(-phi) rotation = Rx(alpha) Rz(theta): cosine and sine of theta, alpha.
-                let (cosine, sine) = (
-                    both(r.m11, c, r.m21, s),
-                    -both(r.m12, c, r.m22, s),
-                );
+                let (cosine, sine) = (both(r.m11, c, r.m21, s), -both(r.m12, c, r.m22, s));
                 beyond.theta = T::angle(sine, cosine);
                 beyond.sincos_theta = [sine, cosine];
                 baked.sin_alpha = both(r.m13, s, r.m23, -c);

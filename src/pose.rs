@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::{Scalar, vector};
 use crate::vector::{add_cross, along, cross, dot, less, plus, square, times};
+use crate::{Scalar, vector};
 
 /// Pose of a frame B seen from a frame A, `t_a_b`.
 ///
@@ -45,10 +45,7 @@ impl<T: Scalar> Twist<T> {
     /// present reference point: `linear + angular x arm`.
     #[inline]
     pub fn at(&self, arm: &Vector3<T>) -> Self {
-        Self::new(
-            add_cross(&self.linear, &self.angular, arm),
-            self.angular,
-        )
+        Self::new(add_cross(&self.linear, &self.angular, arm), self.angular)
     }
 
     /// Scaled by `factor`.

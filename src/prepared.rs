@@ -619,7 +619,11 @@ pub(crate) fn set_contracted<T: Scalar>(prepared: &Prepared<'_, T>, q: &[T], add
         direction: prepared.direction,
         ambient: prepared.ambient,
     };
-    for effect in prepared.whole.readings.of(prepared.arm.effects, Stage::Reading) {
+    for effect in prepared
+        .whole
+        .readings
+        .of(prepared.arm.effects, Stage::Reading)
+    {
         let (j, more) = effect.addition(&reading);
         if let Some(addition) = additions.get_mut(j) {
             *addition += more;

@@ -41,9 +41,7 @@ impl<T: Scalar> Symmetric<T> {
     /// No pivot is taken below `floor`.
     #[inline(always)]
     fn factor(&self, floor: T) -> Factor<T> {
-        let inverse = |pivot: T| {
-            T::one() / if pivot > floor { pivot } else { floor }
-        };
+        let inverse = |pivot: T| T::one() / if pivot > floor { pivot } else { floor };
         let ix = inverse(self.xx);
         let (yx, zx) = (self.yx * ix, self.zx * ix);
         let iy = inverse(self.yy - yx * self.yx);
@@ -201,10 +199,8 @@ impl<T: Scalar> NormalMatrix<T> {
             let rows = [&lx, &ly, &lz].map(|row| upper.behind(row));
             let [x, y, z] = lower.before(rows);
             let i = &lower.inverse;
-            let angular = upper.inverse_trace()
-                + i.x * square(&x)
-                + i.y * square(&y)
-                + i.z * square(&z);
+            let angular =
+                upper.inverse_trace() + i.x * square(&x) + i.y * square(&y) + i.z * square(&z);
             [lower.inverse_trace(), angular]
         } else {
             [T::zero(); 2]

@@ -45,7 +45,6 @@ impl<T: Scalar> Point<T> {
             tool: Vector3::zeros(),
         }
     }
-
 }
 
 /// Room for a search, kept from one request to the next to save filling it with zeros.

@@ -355,9 +355,9 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         };
         let (model, settings) = (self.model, &self.settings);
         let prepared = model.prepare(&request.conditions, &mut self.prepared);
-        let mut search =
-            self.search
-                .search(model, settings, desired, inverse.is_some(), iteration);
+        let mut search = self
+            .search
+            .search(model, settings, desired, inverse.is_some(), iteration);
         let State { asked, found, .. } = &self.state;
         T::set_out(&mut search, &request.q, asked, found);
         let mut begun = None;
@@ -371,7 +371,11 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
             // From one evaluation to the next; the first has the start before it.
             let spent = budget.spent();
             if let Some(begun) = begun {
-                let share = if search.through() { task_point::SHARE } else { 1 };
+                let share = if search.through() {
+                    task_point::SHARE
+                } else {
+                    1
+                };
                 let iteration = spent.wrapping_sub(begun) / share;
                 self.state.longest = self.state.longest.max(iteration);
             }

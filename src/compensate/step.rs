@@ -32,7 +32,8 @@ pub(super) fn damped_step<T: Scalar, const FEW: bool>(
         let mut h = normal_matrix(columns);
         let mut right = [T::zero(); FEW_JOINTS];
         let rows = h.iter_mut().zip(&mut right).enumerate();
-        for ((j, (row, right)), (column, (&g, (&q, &start)))) in rows.zip(columns.iter().zip(places))
+        for ((j, (row, right)), (column, (&g, (&q, &start)))) in
+            rows.zip(columns.iter().zip(places))
         {
             *right = dot(column, error) - g * (q - start);
             if let Some(diagonal) = row.get_mut(j) {
@@ -112,10 +113,7 @@ pub(super) fn clearance<T: Scalar, const FEW: bool>(
     }
     let (y, [linear, angular]) = T::shared_multipliers(columns, ones, damping, error, true);
     let [p, o] = weights;
-    (
-        T::one() / (linear * (p * p) + angular * (o * o)),
-        Some(y),
-    )
+    (T::one() / (linear * (p * p) + angular * (o * o)), Some(y))
 }
 
 /// Solves the linearised problem inside the box `low <= q + p <= high` by coordinate descent,

@@ -470,8 +470,9 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
                 .is_some_and(|trace| !first || trace * (constants.singular + merit) <= T::one());
             if !undamped {
                 let ends: [&[T]; 2] = [q, &request.q];
-                let (trace, left) =
-                    T::damped_step(constants, settings, error, columns, rows, more, ends, first, steps);
+                let (trace, left) = T::damped_step(
+                    constants, settings, error, columns, rows, more, ends, first, steps,
+                );
                 // No price is put on corrections: `inverse_jacobian::singular_effort` is 0.
                 // NaN is not clear.
                 let clear = !first || trace * (constants.singular + merit) <= T::one();
@@ -576,7 +577,8 @@ pub(crate) fn damped_step<T: Scalar>(
         *back = (q - start) * constants.priced;
     }
     let weights @ [p, o] = [settings.position_weight, settings.orientation_weight];
-    for (((row, share), column), &back) in rows.iter_mut().zip(&mut *shares).zip(columns).zip(&*steps)
+    for (((row, share), column), &back) in
+        rows.iter_mut().zip(&mut *shares).zip(columns).zip(&*steps)
     {
         asked.linear = along(&asked.linear, &column.linear, back);
         asked.angular = along(&asked.angular, &column.angular, back);

@@ -142,7 +142,11 @@ impl<T: Scalar> EffectModel<T> for LinkBending<T> {
         let end = link.translation;
         let length = dotted(&end, &end).root();
         // Where the joint frames fall together the link points along x, by convention.
-        let ahead = if length > SHORT { added(&Vector3::zeros(), &end, 1.0 / length) } else { x };
+        let ahead = if length > SHORT {
+            added(&Vector3::zeros(), &end, 1.0 / length)
+        } else {
+            x
+        };
         let first = across(&ahead, &[Vector3::z(), next, Vector3::x(), Vector3::y()]);
         let second = crossed(&ahead, &first);
         self.link = Link {
@@ -190,11 +194,21 @@ impl<T: Scalar> LinkBending<T> {
             moment = add_cross(&moment, &half, &force);
             let cubed = scale * scale * scale * T::of(1.0 / 12.0);
             let [f, s] = [f * cubed, s * cubed];
-            linear = both(&second, f * dot(&force, &second), &first, s * dot(&force, &first));
+            linear = both(
+                &second,
+                f * dot(&force, &second),
+                &first,
+                s * dot(&force, &first),
+            );
             origin = less(&origin, &half);
         }
         let [f, s] = [f * scale, s * scale];
-        let angular = both(&first, f * dot(&moment, &first), &second, s * dot(&moment, &second));
+        let angular = both(
+            &first,
+            f * dot(&moment, &first),
+            &second,
+            s * dot(&moment, &second),
+        );
         Displacement {
             twist: Twist::new(linear, angular),
             origin,
@@ -224,12 +238,10 @@ fn beyond<T: Scalar>(
         at.moments.get(next),
         at.forces.get(next),
     ) {
-        (Some(frame), Some(moment), Some(force)) => {
-            (
-                add_cross(moment, &less(&frame.origin, point), force),
-                *force,
-            )
-        }
+        (Some(frame), Some(moment), Some(force)) => (
+            add_cross(moment, &less(&frame.origin, point), force),
+            *force,
+        ),
         _ => {
             let force = times(at.gravity, at.ambient.payload);
             let payload = seen(at.tool, &at.ambient.payload_com);

@@ -35,8 +35,8 @@ mod warm_up;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::{JointKind, Scalar, Twist};
 use crate::vector::less;
+use crate::{JointKind, Scalar, Twist};
 use situation::since;
 
 pub use anchor::{AXES, Anchor, Description, Place};

@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Anchor, Description, Displacement, EffectModel, Posture, Selector, Stage, entry, one_way};
+use super::{
+    Anchor, Description, Displacement, EffectModel, Posture, Selector, Stage, entry, one_way,
+};
 use crate::Scalar;
 use crate::vector::times;
 

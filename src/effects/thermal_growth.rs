@@ -3,7 +3,9 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Ambient, Description, Displacement, EffectModel, Posture, Selector, Stage, entry, one_way};
+use super::{
+    Ambient, Description, Displacement, EffectModel, Posture, Selector, Stage, entry, one_way,
+};
 use crate::pose::rotated;
 use crate::vector::times;
 use crate::{JointKind, Scalar};

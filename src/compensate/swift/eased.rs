@@ -48,7 +48,9 @@ impl<T: Scalar, const N: usize> Compensator<'_, T, N> {
             settings: &self.settings,
         };
         *q = request.q;
-        let plain = T::ease(&plan, constants, &rest, inverse, columns, rows, more, q, travel)?;
+        let plain = T::ease(
+            &plan, constants, &rest, inverse, columns, rows, more, q, travel,
+        )?;
         self.state.asked = request.q;
         self.state.found = *q;
         self.state.last = *q;
