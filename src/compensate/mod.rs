@@ -333,6 +333,8 @@ impl<'m, T: Scalar, const N: usize> Compensator<'m, T, N> {
         outcome
     }
 
+    /// The same of a sound request.
+    #[inline(never)]
     fn descend<C: Clock>(
         &mut self,
         request: &Request<T, N>,
