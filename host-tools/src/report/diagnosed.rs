@@ -110,8 +110,8 @@ fn reasons(diagnosis: &Diagnosis, report: &Report) -> Vec<String> {
         && left > ABOVE_DECLARED * declared
     {
         reasons.push(format!(
-            "it is {} times the declared noise: that is declared too small, or arm or instrument err \
-             in ways that no column of this file goes with",
+            "what is left is {} times the declared noise: either too little was declared, or arm or \
+             instrument err in ways that no column of this file goes with",
             significant(left / declared)
         ));
     }
