@@ -3,7 +3,7 @@
 use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
 use super::rivals::squares;
-use super::search::{ALPHA, Search, is_same_name};
+use super::search::{ALPHA, Search};
 use super::sensible::sensible;
 use super::space::{Score, columns};
 use super::unnamed::{offered, terms};
@@ -106,7 +106,7 @@ impl Search<'_> {
                 if self.predicts_more(&rivals.without, &[&best.hypothesis], &[accepted])
                     && let Ok(trial) = self.fit(&model.arm, exchanged)
                     && sensible(&trial, index)
-                    && (trial.fit.cost < model.fit.cost || is_member(accepted, &best.hypothesis))
+                    && trial.fit.cost < model.fit.cost
                 {
                     return Some(self.pruned(trial, index));
                 }
@@ -226,11 +226,6 @@ pub(super) fn once_each(substitutes: &mut Vec<Substitute>) {
         seen.push(label);
         new
     });
-}
-
-/// One joint of the group that has come in: what is left of it is worth more than all of it.
-fn is_member(group: &Hypothesis, one: &Hypothesis) -> bool {
-    one.len() < group.len() && is_same_name(group, one)
 }
 
 /// Joints that yield under gravity, one or all.
