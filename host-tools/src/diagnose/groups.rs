@@ -5,7 +5,6 @@ use truepose::effects::Effect;
 
 use super::hypothesis::{Hypothesis, Members, YIELDS};
 use super::model::Extended;
-use super::rivals::bic;
 use super::search::Search;
 use super::sensible::within;
 use crate::identify::unknown::Unknown;
@@ -33,14 +32,6 @@ impl Search<'_> {
                 Err(_) => return model,
             }
         }
-    }
-
-    /// Whether what is left of a group explains what the group does: a member that goes, since it has a
-    /// size that no machine has, may have been all that explained anything.
-    pub(super) fn stands(&self, model: &Extended, index: usize) -> bool {
-        let pruned = self.pruned(model.clone(), index);
-        let gone = model.effects_of(index).len() - pruned.effects_of(index).len();
-        gone == 0 || bic(self, &pruned) - bic(self, model) < gone as f64 * EARNS * EARNS
     }
 
     /// The model's hypotheses with `addition`, and its place among them. Free levers of all links
@@ -161,9 +152,12 @@ fn standing(model: &Extended, index: usize) -> Vec<bool> {
             let own = (0..n).filter(|&k| values[k].0 == m);
             let t = own.map(|k| {
                 let known = c[(k, k)] > rounding[k];
-                let sigma = if known { c[(k, k)].sqrt() } else { 0.0 };
-                let t = if known { x[k].abs() / sigma } else { 0.0 };
-                let fits = within(kind, values[k].1, x[k], sigma);
+                let t = if known {
+                    x[k].abs() / c[(k, k)].sqrt()
+                } else {
+                    0.0
+                };
+                let fits = within(kind, values[k].1, x[k]);
                 if fits { t } else { t.min(0.1) }
             });
             t.fold(0.0, f64::max)

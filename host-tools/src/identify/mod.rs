@@ -28,7 +28,7 @@ pub mod observation;
 pub mod predicted;
 pub mod prior;
 pub mod problem;
-pub(crate) mod product;
+mod product;
 pub mod readings;
 pub mod relation;
 pub mod robust;
