@@ -52,39 +52,19 @@ pub const UNLIMITED: [f64; 2] = [-100.0, 100.0];
 /// The largest magnitude that any number in a blob may have.
 pub const LARGEST: f64 = 1e9;
 
-/// What four bits at the end of a CRC-32 become, its polynomial from the lowest bit up.
-static CRC: [u32; 16] = {
-    let mut table = [0; 16];
-    let mut place = 0;
-    while place < 16 {
-        let (mut rest, mut bit) = (place as u32, 0);
-        while bit < 4 {
-            rest = rest >> 1 ^ if rest & 1 == 1 { 0xEDB8_8320 } else { 0 };
-            bit += 1;
-        }
-        table[place] = rest;
-        place += 1;
-    }
-    table
-};
+static CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 /// CRC-32 of `bytes`, as blobs, slots and frames carry it (ISO-HDLC, the one of zlib).
 pub fn checksum(bytes: &[u8]) -> u32 {
     checksum_onwards(0, bytes)
 }
 
-/// [`checksum`] of what has the checksum `crc`, followed by `bytes`; that of nothing is 0. Four
-/// bits at a time: a table for eight would be a kilobyte.
+/// [`checksum`] of what has the checksum `crc`, followed by `bytes`; that of nothing is 0.
 #[inline(never)]
 pub fn checksum_onwards(crc: u32, bytes: &[u8]) -> u32 {
-    let mut crc = !crc;
-    for &byte in bytes {
-        crc ^= u32::from(byte);
-        for _ in 0..2 {
-            crc = crc >> 4 ^ CRC[(crc % 16) as usize];
-        }
-    }
-    !crc
+    let mut digest = CRC.digest_with_initial((!crc).reverse_bits());
+    digest.update(bytes);
+    digest.finalize()
 }
 
 /// An arm as it is described: base, joints with what gravity acts on, tool.
