@@ -161,7 +161,7 @@ fn found_sizes(rows: usize, noise: f64, seeds: u64) -> [f64; 3] {
 
 #[test]
 fn the_size_of_a_prior_is_found_where_it_pays_and_costs_nothing_elsewhere() {
-    // Fifteen rows of half a millimetre, an arm that is right to one.
+    // Twelve rows of half a millimetre, an arm that is right to one.
     let [plain, given, found] = found_sizes(12, 16.7, 12);
     println!("few: {} {}", (given / plain).sqrt(), (found / plain).sqrt());
     assert!(
