@@ -5,6 +5,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may stop at what cannot happen")]
 #![expect(clippy::panic, reason = "a test may stop at what cannot happen")]
 
+mod a_camera_on_the_arm_is_enough;
 mod arm_is_found_without_a_drawing;
 mod bad_input_is_named;
 mod blob_is_put_to_use;

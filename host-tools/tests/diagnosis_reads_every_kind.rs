@@ -1,5 +1,5 @@
 //! Diagnosis of an arm that is measured by distances between poses, touches of points and
-//! planes, or bearings alone: what is hidden is named, and nothing where nothing is hidden.
+//! planes, bearings, or a camera on the tool alone: what is hidden is named, and nothing where nothing is hidden.
 
 use crate::bound::{Bound, bound, problem_of, surrounded};
 use crate::synthetic::arm;
@@ -17,6 +17,9 @@ fn rows(by: Bound) -> usize {
         Bound::Points => 80,
         Bound::Planes => 260,
         Bound::Bearings => 70,
+        Bound::Board => 60,
+        Bound::Marks => 40,
+        Bound::Sights => 60,
     }
 }
 

@@ -1,7 +1,7 @@
-//! Distances between poses, touches of points and planes, bearings: derivatives follow
-//! differences, and without noise the true arm comes back.
+//! Distances between poses, touches of points and planes, bearings, what a camera on the tool
+//! sees: derivatives follow differences, and without noise the true arm comes back.
 
-use crate::bound::{Bound, bound, posture, problem_of, surrounded};
+use crate::bound::{Bound, board, bound, posture, problem_of, surrounded};
 use crate::support::{folder, robot, said, truepose};
 use crate::synthetic::{self, CONVENTIONS, SIGMAS, anywhere, apart, arm, built, problem};
 use nalgebra::Vector3;
@@ -38,20 +38,31 @@ fn derivatives_follow_differences() {
     for by in Bound::ALL {
         let drawing = arm(Convention::Dh, "RRRRRR", &[], 8);
         let truth = surrounded(&drawing, by, 8);
-        let rows = bound(&truth, by, 6, 0.0, 3);
+        let mut rows = bound(&truth, by, 6, 0.0, 3);
         // somewhere else, so that no residual is zero
         let mut here = built(&truth, 2e-3, 9);
         let mut unknowns: Vec<Unknown> = Vec::new();
         unknowns.extend((0..6).map(|axis| Unknown::Base { session: 0, axis }));
-        unknowns.extend((0..3).map(|axis| Unknown::Tool { axis }));
+        unknowns.extend((0..6).map(|axis| Unknown::Tool { axis }));
         unknowns.extend((0..3).map(|axis| Unknown::Point { point: 1, axis }));
         unknowns.extend((0..3).map(|value| Unknown::Plane { plane: 1, value }));
-        unknowns.extend((0..6).map(|axis| Unknown::Station { station: 1, axis }));
+        for station in 0..2 {
+            unknowns.extend((0..6).map(|axis| Unknown::Station { station, axis }));
+        }
         for (j, joint) in drawing.joints.iter().enumerate() {
             unknowns.extend(joint.parameters().iter().map(|p| Unknown::Joint(j, *p)));
         }
         let moved: Vec<f64> = unknowns.iter().map(|_| 1e-3).collect();
         apply(&mut here, &unknowns, &moved);
+        if by == Bound::Board {
+            // turns have their derivative at a residual of zero
+            let from_board = here.stations[0].inverse();
+            let mut evaluator = Evaluator::new(&here, SIGMAS);
+            for o in &mut rows {
+                let tool = from_board.then(&evaluator.observe(o));
+                o.relations[1] = board(&tool, 0.0, &mut Random::new(0, 0))[1].clone();
+            }
+        }
         let rows: Vec<&Observation> = rows.iter().collect();
         let ones = vec![1.0; unknowns.len()];
         let analytic = linearize(&here, &unknowns, &ones, &rows, SIGMAS).jacobian;
@@ -81,6 +92,9 @@ fn the_true_arm_comes_back() {
             (Bound::Points, 90),
             (Bound::Planes, 200),
             (Bound::Bearings, 80),
+            (Bound::Board, 40),
+            (Bound::Marks, 40),
+            (Bound::Sights, 60),
         ] {
             let drawing = arm(convention, "RRRRRR", &[], 8);
             let mut truth = surrounded(&drawing, by, 8);
@@ -89,7 +103,8 @@ fn the_true_arm_comes_back() {
                     .unwrap_or_else(|failure| panic!("{convention:?} {by:?}: {failure:?}"))
             };
             let mut calibration = run(&truth);
-            if matches!(by, Bound::Points | Bound::Planes | Bound::Bearings) {
+            let proportions = [Bound::Points, Bound::Planes, Bound::Bearings, Bound::Sights];
+            if proportions.contains(&by) {
                 same_size(&mut truth, &drawing, &calibration);
                 calibration = run(&truth);
             }
@@ -103,8 +118,13 @@ fn the_true_arm_comes_back() {
                     assert!(off < 10.0 * TRUTH, "{convention:?} {by:?} {name}: {off}");
                 }
             }
-            let (far, _) = apart(&truth, found, synthetic::Seen::Position);
+            let (far, turned) = apart(&truth, found, synthetic::Seen::Pose);
             assert!(far < TRUTH, "{convention:?} {by:?}: {far} m");
+            // from the tool its own turn shows
+            assert!(
+                !by.is_view() || turned < TRUTH,
+                "{convention:?} {by:?}: {turned} rad"
+            );
         }
     }
 }

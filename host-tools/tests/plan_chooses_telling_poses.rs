@@ -181,9 +181,9 @@ fn planned_touches_touch() {
         let o = arm
             .choice()
             .observation(&model, &Observation::default(), choice);
-        let p = evaluator.observe(&o).translation;
+        let tool = evaluator.observe(&o);
         for relation in &o.relations {
-            assert!(relation.error(&model, &p, None) < 1e-9, "{relation:?}");
+            assert!(relation.error(&model, &tool, None) < 1e-9, "{relation:?}");
         }
         touched[choice[6] as usize] += 1;
         assert_eq!(arm.choice().of(&o).unwrap()[..6], choice[..6]);

@@ -9,7 +9,7 @@ use truepose::Pose;
 use truepose::params::Blob;
 use truepose_host::description::Robot;
 use truepose_host::diagnose::UNDECIDED;
-use truepose_host::error::Error;
+use truepose_host::error::{Error, Place};
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::observation::{Observation, Sigmas};
 use truepose_host::identify::problem::ASSUMED;
@@ -151,7 +151,12 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     if let Some(table) = &table {
         warn(&table.warnings);
     }
+    if let Some(table) = &table {
+        refuse_view(table)?;
+    }
     let was = table.as_ref().map(|table| match table.measured {
+        // refused
+        Measured::Board | Measured::Mark | Measured::Sight => Measure::Pose,
         Measured::Pose => Measure::Pose,
         Measured::Length => Measure::Length,
         Measured::Position | Measured::Nothing => Measure::Position,
@@ -246,6 +251,7 @@ fn discriminating(options: &Options, robot: &Robot, limits: &[[f64; 2]]) -> Resu
         return Err(Error::Usage("--discriminate needs --data".to_owned()));
     };
     let data = measurement::read(file, &Expected::of(robot), Purpose::Fit)?;
+    refuse_view(&data)?;
     let (diagnosis, _) = diagnosed(robot, file, &data, options.chosen.wish())?;
     let decision = plan::discriminate(&diagnosis, limits, options.poses, options.seed);
     let Some(decision) = decision else {
@@ -313,6 +319,23 @@ fn discriminating(options: &Options, robot: &Robot, limits: &[[f64; 2]]) -> Resu
         }],
         answer: true,
     })
+}
+
+/// Which poses an instrument on the tool sees anything from is not known here.
+fn refuse_view(table: &measurement::Dataset) -> Result<(), Error> {
+    let view = matches!(
+        table.measured,
+        Measured::Board | Measured::Mark | Measured::Sight
+    );
+    match view {
+        true => Err(Place::file(&table.file).bad(
+            "what an instrument on the tool sees",
+            "measurements by one beside the arm: from which poses the other sees its target is \
+             not known here",
+            "spread the poses over all that see it, turned as far as it stays in view",
+        )),
+        false => Ok(()),
+    }
 }
 
 /// Numbers in the columns `point` and `plane`.

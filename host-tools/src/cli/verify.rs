@@ -51,8 +51,11 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
     let table = measurement::read(data, &Expected::of_blob(&blob), Purpose::Check)?;
     warn(&table.warnings);
     warn(&missing_conditions(&blob, &table));
-    if options.accept_deg.is_some() && !matches!(table.measured, Measured::Pose | Measured::Bearing)
-    {
+    let turns = matches!(
+        table.measured,
+        Measured::Pose | Measured::Bearing | Measured::Board | Measured::Sight
+    );
+    if options.accept_deg.is_some() && !turns {
         return Err(Error::Usage(format!(
             "--accept-deg: {} has no orientations or bearings; measure full poses or leave the \
              option out",
@@ -124,7 +127,8 @@ pub(crate) fn comparison(verified: &Verified) -> String {
         Measured::Length => "length error",
         Measured::Distance => "distance error",
         Measured::Point | Measured::Plane => "touch error",
-        Measured::Bearing => "error across the sight",
+        Measured::Bearing | Measured::Sight => "error across the sight",
+        Measured::Board | Measured::Mark => "error of what is seen",
         Measured::Position | Measured::Pose | Measured::Nothing => "position error",
     };
     let mut text = format!("{of:<22}      rms     mean      max\n");
@@ -203,6 +207,9 @@ fn json(robot: &str, verified: &Verified, accepted: Option<bool>) -> Value {
             Measured::Point => "point",
             Measured::Plane => "plane",
             Measured::Bearing => "bearing",
+            Measured::Board => "board",
+            Measured::Mark => "mark",
+            Measured::Sight => "sight",
             Measured::Position | Measured::Nothing => "position",
         },
         "rows": verified.rows,

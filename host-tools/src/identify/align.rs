@@ -11,6 +11,7 @@ use super::arm::ArmModel;
 use super::observation::Observation;
 use super::relation::{Plane, Relation};
 use super::three_targets::pose_of;
+use super::view::{Sightings, board};
 
 /// The rotation and translation that take points `from` to points `to` with the least sum
 /// of squares (Arun, Huang and Blostein 1987: SVD of the cross-covariance).
@@ -54,16 +55,29 @@ pub fn flange_poses(arm: &ArmModel, observations: &[&Observation]) -> Vec<Pose<f
         .collect()
 }
 
-/// Sets bases, tool, targets and anchor of `arm` to first guesses. `tool`: the tool point
-/// to assume in the flange, m. `held` puts base and tool back where they are not to be found.
+/// Measured pose of the tool in the world, as far as a row has it; the pose of a board, seen
+/// from the tool, is that of the tool in the board's frame.
+fn measured(o: &Observation) -> (Option<Vector3<f64>>, Option<Matrix3<f64>>) {
+    match board(o) {
+        Some(board) => {
+            let tool = board.inverse();
+            (Some(tool.translation), Some(tool.rotation))
+        }
+        None => (o.position, o.rotation),
+    }
+}
+
+/// Sets bases, tool, targets and anchor of `arm` to first guesses. `tool`: where in the
+/// flange to assume it; its turn is found where it shows. `held` puts base and tool back where they are not to be found.
 pub(super) fn first_guess(
     arm: &mut ArmModel,
     observations: &[&Observation],
-    tool: Vector3<f64>,
+    tool: Pose<f64>,
     sessions: usize,
     held: impl Fn(&mut ArmModel),
 ) {
-    arm.tool.translation = tool;
+    arm.tool = tool;
+    let tool = tool.translation;
     arm.bake();
     let flanges = flange_poses(arm, observations);
     let first = arm.bases[0];
@@ -71,7 +85,7 @@ pub(super) fn first_guess(
     for session in 0..sessions {
         let (mut from, mut to) = (Vec::new(), Vec::new());
         for (o, flange) in observations.iter().zip(&flanges) {
-            if let (true, Some(p)) = (o.session == session, o.position) {
+            if let (true, Some(p)) = (o.session == session, measured(o).0) {
                 from.push(flange.point(&tool));
                 to.push(p);
             }
@@ -85,7 +99,7 @@ pub(super) fn first_guess(
     held(arm);
     let mut turns = Matrix3::zeros();
     for (o, flange) in observations.iter().zip(&flanges) {
-        if let Some(measured) = o.rotation {
+        if let Some(measured) = measured(o).1 {
             let base = &arm.bases[o.session];
             turns += flange.rotation.transpose() * base.rotation.transpose() * measured;
         }
@@ -175,17 +189,24 @@ pub fn resected(points: &[Vector3<f64>], directions: &[Vector3<f64>]) -> Option<
 /// Points that are touched, planes that are touched, and further stations.
 fn guess_surroundings(arm: &mut ArmModel, observations: &[&Observation], flanges: &[Pose<f64>]) {
     let mut touched: [Vec<Vec<Vector3<f64>>>; 2] = Default::default();
+    let mut seen: Vec<Sightings> = Vec::new();
     let mut stations = 1;
     for (o, flange) in observations.iter().zip(flanges) {
-        let p = arm.bases[o.session]
-            .then(flange)
-            .point(&arm.tool.translation);
+        let tool = arm.bases[o.session].then(flange).then(&arm.tool);
+        let p = tool.translation;
         for relation in &o.relations {
             let (kind, index) = match *relation {
                 Relation::Point { point, .. } => (0, point),
                 Relation::Plane { plane, .. } => (1, plane),
                 Relation::Bearing { station, .. } => {
                     stations = stations.max(station + 1);
+                    continue;
+                }
+                Relation::View(ref view) => {
+                    if let Some(point) = view.point() {
+                        seen.resize(seen.len().max(point + 1), Sightings::default());
+                        seen[point].add(view, &tool);
+                    }
                     continue;
                 }
                 Relation::Distance { .. } => continue,
@@ -198,7 +219,9 @@ fn guess_surroundings(arm: &mut ArmModel, observations: &[&Observation], flanges
     }
     let [points, planes] = touched;
     let mean = |of: &[Vector3<f64>]| of.iter().sum::<Vector3<f64>>() / of.len().max(1) as f64;
+    // a table touches points or sees them
     arm.points = points.iter().map(|of| mean(of)).collect();
+    arm.points.extend(seen.iter().map(Sightings::place));
     arm.planes = planes
         .iter()
         .map(|of| {

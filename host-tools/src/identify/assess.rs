@@ -1,8 +1,5 @@
 //! How far predictions are from measurements, in the instrument's own terms.
 
-use nalgebra::Vector3;
-use truepose::Pose;
-
 use super::arm::ArmModel;
 use super::evaluator::Evaluator;
 use super::observation::{Observation, Sigmas};
@@ -62,12 +59,9 @@ pub fn errors(arm: &ArmModel, observations: &[&Observation]) -> Errors {
     let mut evaluator = Evaluator::new(arm, unit);
     let mut errors = Errors::default();
     for o in observations {
-        let pose = evaluator.observe(o);
+        evaluator.observe(o);
         evaluator.distances(o, |d| errors.distances.push(d));
-        if let Some(r) = o.rotation {
-            let turn = Pose::new(r * pose.rotation.transpose(), Vector3::zeros());
-            errors.angles.push(turn.rotation_vector().norm());
-        }
+        evaluator.angles(o, |a| errors.angles.push(a));
     }
     errors
 }

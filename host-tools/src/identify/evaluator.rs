@@ -9,7 +9,7 @@ use truepose::{Frame, Pose, PreparedJoint, Scratch, Twist, forward};
 
 use super::arm::ArmModel;
 use super::attached::{At, Attached};
-use super::observation::{Observation, Sigmas};
+use super::observation::{Kind, Observation, Sigmas};
 use super::relation::{Around, Relation};
 use super::unknown::Unknown;
 
@@ -205,7 +205,7 @@ impl<'a> Evaluator<'a> {
         }
         for (relation, far) in o.relations.iter().zip(&self.far) {
             let scale = o.weight / self.sigmas.of(relation.kind());
-            let off = relation.residual(self.arm, &p, far.as_ref());
+            let off = relation.residual(self.arm, &self.pose, far.as_ref());
             for (x, out) in off.iter().take(relation.equations()).zip(rows.by_ref()) {
                 *out = x * scale;
             }
@@ -217,14 +217,14 @@ impl<'a> Evaluator<'a> {
     pub fn ways(&self, o: &Observation) -> Vec<f64> {
         let mut ways = vec![1.0; related(o)];
         for relation in &o.relations {
-            let way = relation.way(self.arm, &self.pose.translation);
+            let way = relation.way(self.arm, &self.pose);
             ways.extend(way.iter().take(relation.equations()));
         }
         ways
     }
 
     /// Distances between what was measured of an observation and where the arm, here, puts
-    /// it, m: one a measured point, length or relation.
+    /// it, m: one a measured point, length or relation. Orientations are none.
     pub fn distances(&self, o: &Observation, mut each: impl FnMut(f64)) {
         let p = self.pose.translation;
         if let Some(position) = o.position {
@@ -239,7 +239,23 @@ impl<'a> Evaluator<'a> {
             each((length - (p - self.arm.anchor).norm()).abs());
         }
         for (relation, far) in o.relations.iter().zip(&self.far) {
-            each(relation.error(self.arm, &p, far.as_ref()));
+            if relation.kind() != Kind::Orientation {
+                each(relation.error(self.arm, &self.pose, far.as_ref()));
+            }
+        }
+    }
+
+    /// Angles between the orientations that were measured of an observation and those that the
+    /// arm, here, predicts, rad.
+    pub fn angles(&self, o: &Observation, mut each: impl FnMut(f64)) {
+        if let Some(r) = o.rotation {
+            let turn = Pose::new(r * self.pose.rotation.transpose(), Vector3::zeros());
+            each(turn.rotation_vector().norm());
+        }
+        for relation in &o.relations {
+            if relation.kind() == Kind::Orientation {
+                each(relation.error(self.arm, &self.pose, None));
+            }
         }
     }
 
@@ -290,11 +306,11 @@ impl<'a> Evaluator<'a> {
             }
         }
         for (relation, far) in o.relations.iter().zip(&self.far) {
-            let gradient = relation.gradient(self.arm, &self.pose.translation, far.as_ref());
+            let moved = relation.moved(self.arm, &self.pose, far.as_ref(), twist);
             let scale = o.weight / self.sigmas.of(relation.kind());
             let count = relation.equations().min(rest.len());
             let (these, after) = std::mem::take(&mut rest).split_at_mut(count);
-            for (x, out) in (gradient * twist.linear).iter().zip(these) {
+            for (x, out) in moved.iter().zip(these) {
                 *out = x * scale;
             }
             rest = after;
@@ -339,6 +355,11 @@ impl<'a> Evaluator<'a> {
     /// Predicted tool point in the world, at the posture last moved to, m.
     pub fn tool_point(&self) -> Vector3<f64> {
         self.pose.translation
+    }
+
+    /// Predicted tool pose in the world, at the posture last moved to.
+    pub fn tool(&self) -> &Pose<f64> {
+        &self.pose
     }
 
     /// Displacement of the tool per unit of what is added to the reading of joint `j`.
@@ -439,8 +460,11 @@ impl<'a> Evaluator<'a> {
             frames: &self.frames,
             tool: &self.pose.translation,
         };
-        // points that the tool carries beside its own, and orientations, follow its turns
-        let turns = o.rotation.is_some() || !o.targets.is_empty();
+        // points that the tool carries beside its own, orientations, and what is seen from the
+        // tool follow its turns
+        let turns = o.rotation.is_some()
+            || !o.targets.is_empty()
+            || o.relations.iter().any(Relation::turns);
         attached.twists(&at, turns, |k, twist| {
             self.spread(o, twist, &mut columns[place(k)]);
         });
@@ -524,7 +548,7 @@ impl<'a> Evaluator<'a> {
                 out.fill(0.0);
                 let mut at = related(o);
                 for relation in &o.relations {
-                    let partial = relation.partial(self.arm, &p, *of);
+                    let partial = relation.partial(self.arm, &self.pose, *of);
                     let scale = o.weight / self.sigmas.of(relation.kind());
                     let end = at + relation.equations();
                     for (x, out) in partial.iter().zip(&mut out[at..end]) {

@@ -38,6 +38,7 @@ pub mod three_targets;
 pub(crate) mod uncertainty;
 pub mod unknown;
 pub(crate) mod unseen;
+pub mod view;
 
 use align::{first_guess, turn_tool_to_poses, turn_tool_to_targets};
 use arm::ArmModel;
@@ -55,8 +56,10 @@ use robust::Outlier;
 pub(crate) use solve::fit;
 use solve::{Solved, misfit};
 use structure::{Structure, structure_holding};
+use truepose::Pose;
 use unknown::Unknown;
 use unseen::Shown;
+use view::quarter_turns;
 
 /// An arm and the fit that made it.
 #[derive(Clone, Debug)]
@@ -180,13 +183,22 @@ fn with_joints(
 pub fn align(problem: &Problem) -> Result<Stage, Failure> {
     let observations: Vec<&Observation> = problem.identify.iter().collect();
     let candidates = placement(problem);
-    let drawn = problem.drawing.tool.translation;
+    let drawn = problem.drawing.tool;
+    let free = |axis: usize| !problem.held.contains(&Unknown::Tool { axis });
     let far = 0.3;
     let mut guesses = vec![drawn];
-    for axis in (0..3).filter(|&axis| !problem.held.contains(&Unknown::Tool { axis })) {
+    // Where fixed points of unknown place are all that is seen, the first guess of where they
+    // are hangs on how the instrument is turned, which its drawing seldom says.
+    let points = problem.identify.iter().any(Observation::is_view)
+        && !problem.identify.iter().any(Observation::is_placed);
+    if points && (3..6).all(free) {
+        let turned = |turn| Pose::new(drawn.rotation * turn, drawn.translation);
+        guesses.extend(quarter_turns().into_iter().map(turned).skip(1));
+    }
+    for axis in (0..3).filter(|&axis| free(axis)) {
         for sign in [1.0, -1.0] {
             let mut guess = drawn;
-            guess[axis] += sign * far;
+            guess.translation[axis] += sign * far;
             guesses.push(guess);
         }
     }

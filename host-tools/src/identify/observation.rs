@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use truepose::effects::Ambient;
 
 use super::relation::Relation;
+use super::view::View;
 
 /// One measured pose, in SI units and the instrument's frame.
 #[derive(Clone, Debug)]
@@ -95,9 +96,20 @@ impl Observation {
         std::iter::once(self).chain(others)
     }
 
+    /// True if it is measured by an instrument on the tool.
+    pub fn is_view(&self) -> bool {
+        let view = |r: &Relation| matches!(r, Relation::View(_));
+        self.relations.iter().any(view)
+    }
+
     /// True if it says how large anything is: bearings, fixed points and planes do not.
     pub fn has_scale(&self) -> bool {
-        let distance = |r: &Relation| matches!(r, Relation::Distance { .. });
+        let distance = |r: &Relation| {
+            matches!(
+                r,
+                Relation::Distance { .. } | Relation::View(View::At { .. })
+            )
+        };
         let points = self.targets.iter().flatten().count();
         self.position.is_some()
             || points > 0
@@ -106,11 +118,16 @@ impl Observation {
     }
 
     /// True if it says where the arm stands in the world: distances, fixed points and planes
-    /// do not.
+    /// do not, nor does what is seen from the tool, unless it is a board, which is the world.
     pub fn is_placed(&self) -> bool {
         let points = self.targets.iter().flatten().count();
-        let bearing = |r: &Relation| matches!(r, Relation::Bearing { .. });
-        self.position.is_some() || points > 0 || self.relations.iter().any(bearing)
+        let placed = |r: &Relation| {
+            matches!(
+                r,
+                Relation::Bearing { .. } | Relation::View(View::Turn { .. })
+            )
+        };
+        self.position.is_some() || points > 0 || self.relations.iter().any(placed)
     }
 }
 

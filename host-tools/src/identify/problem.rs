@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
+use truepose::Pose;
 use truepose::effects::Effect;
 
 use super::arm::ArmModel;
@@ -10,6 +11,7 @@ use super::held::{Held, Wish};
 use super::method::Method;
 use super::observation::{Observation, Sigmas};
 use super::relation::Relation;
+use super::view::{Fixed, View};
 use super::{Failure, placement};
 use crate::description::Robot;
 use crate::measurement::{Dataset, Noise, Row, Set};
@@ -47,7 +49,8 @@ pub struct Problem {
     pub sigmas: Sigmas,
     /// Placements of the instrument: the numbers in the column `session`, in rising order.
     pub sessions: Vec<i64>,
-    /// Fixed points that are touched: the numbers in the column `point`, in rising order.
+    /// Fixed points that are touched: the numbers in the column `point`, in rising order. Or
+    /// those that are seen from the tool: the numbers of their columns.
     pub points: Vec<i64>,
     /// Fixed planes that are touched: the numbers in the column `plane`, in rising order.
     pub planes: Vec<i64>,
@@ -122,11 +125,14 @@ pub(crate) struct Rows {
 impl Rows {
     pub(crate) fn of(data: &Dataset, joints: Joints) -> Self {
         let numbers = places(data.rows.iter().map(|row| row.session.unwrap_or(0)));
-        let points = places(data.rows.iter().filter_map(|row| row.relations.point));
+        let board = data.has_board();
+        let touched = data.rows.iter().filter_map(|row| row.relations.point);
+        let points = places(touched.chain(data.rows.iter().flat_map(|row| seen(row, board))));
         let planes = places(data.rows.iter().filter_map(|row| row.relations.plane));
         let labels = Labels {
             points: &points,
             planes: &planes,
+            board,
         };
         let (mut identify, mut verify) = (Vec::new(), Vec::new());
         let mut before: Option<&[f64]> = None;
@@ -206,10 +212,21 @@ fn places(numbers: impl Iterator<Item = i64>) -> BTreeMap<i64, usize> {
     places
 }
 
+/// Numbers of the fixed points that a row sees from the tool; the first thing of a table with a
+/// `board` is that.
+fn seen(row: &Row, board: bool) -> impl Iterator<Item = i64> {
+    let things = (1..).zip(&row.relations.seen).skip(usize::from(board));
+    things
+        .filter(|(_, seen)| seen.position.is_some() || seen.bearing.is_some())
+        .map(|(number, _)| number)
+}
+
 /// What turns labels of the file into places.
 struct Labels<'a> {
     points: &'a BTreeMap<i64, usize>,
     planes: &'a BTreeMap<i64, usize>,
+    /// The first thing that is seen from the tool is a board.
+    board: bool,
 }
 
 impl Labels<'_> {
@@ -232,7 +249,33 @@ impl Labels<'_> {
                 });
             }
         }
+        self.views(row, &mut relations);
         relations
+    }
+
+    /// What an instrument on the tool sees in one row.
+    fn views(&self, row: &Row, relations: &mut Vec<Relation>) {
+        for (number, seen) in (1..).zip(&row.relations.seen) {
+            let of = match self.points.get(&number) {
+                _ if self.board && number == 1 => Fixed::Board,
+                Some(&point) => Fixed::Point(point),
+                None => continue,
+            };
+            let at = seen.position.map(Vector3::from);
+            relations.extend(at.map(|at| Relation::View(View::At { of, at })));
+            let sight = |[azimuth, elevation]: [f64; 2]| View::Sight {
+                of,
+                azimuth,
+                elevation,
+            };
+            relations.extend(seen.bearing.map(sight).map(Relation::View));
+        }
+        let turn = row.relations.seen_turn;
+        let turn = turn.and_then(|wxyz| Pose::from_quaternion(wxyz, Vector3::zeros()));
+        relations.extend(turn.map(|pose| {
+            let rotation = pose.rotation;
+            Relation::View(View::Turn { rotation })
+        }));
     }
 }
 

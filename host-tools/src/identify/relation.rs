@@ -1,15 +1,17 @@
 //! Measurements that do not give the tool point but bind it: a ball bar between two poses, a
-//! fixed point or plane that a probe touches, the bearings of a theodolite.
+//! fixed point or plane that a probe touches, the bearings of a theodolite, what a camera on the
+//! tool sees.
 //!
 //! Each is one or more equations `predicted(p) = measured` of the tool point p. The prediction
 //! depends on the arm and on what stands around it: unknown points, planes and stations, which
 //! are identified with the arm.
 
 use nalgebra::{Matrix3, Vector3};
-use truepose::Pose;
+use truepose::{Pose, Twist};
 
 use super::arm::ArmModel;
 use super::observation::{Kind, Observation};
+use super::view::View;
 
 /// A plane by the height of its points along its steepest axis k over the two others:
 /// `p[k] = level + slopes[0] p[k + 1] + slopes[1] p[k + 2]`, axes counted round. The axis
@@ -96,6 +98,8 @@ pub enum Relation {
         /// Above the x-y plane, rad.
         elevation: f64,
     },
+    /// What an instrument on the tool sees of something fixed.
+    View(View),
 }
 
 /// An unknown of what stands around the arm.
@@ -113,6 +117,7 @@ impl Relation {
             Self::Distance { .. } | Self::Plane { .. } => 1,
             Self::Bearing { .. } => 2,
             Self::Point { .. } => 3,
+            Self::View(view) => view.equations(),
         }
     }
 
@@ -122,17 +127,33 @@ impl Relation {
             Self::Distance { .. } => Kind::Distance,
             Self::Point { .. } | Self::Plane { .. } => Kind::Contact,
             Self::Bearing { .. } => Kind::Bearing,
+            Self::View(view) => view.kind(),
         }
     }
 
-    /// Measured minus predicted, the first [`Self::equations`] of the three. `p`: the tool
-    /// point here; `far`: at the other posture of a distance.
+    /// Index of the fixed point that is touched or seen.
+    pub fn point(&self) -> Option<usize> {
+        match self {
+            Self::Point { point } => Some(*point),
+            Self::View(view) => view.point(),
+            _ => None,
+        }
+    }
+
+    /// True if a turn of the tool about its point shows.
+    pub fn turns(&self) -> bool {
+        matches!(self, Self::View(_))
+    }
+
+    /// Measured minus predicted, the first [`Self::equations`] of the three. `tool`: where the
+    /// tool is here; `far`: the tool point at the other posture of a distance.
     pub fn residual(
         &self,
         arm: &ArmModel,
-        p: &Vector3<f64>,
+        tool: &Pose<f64>,
         far: Option<&Vector3<f64>>,
     ) -> [f64; 3] {
+        let p = &tool.translation;
         match *self {
             Self::Distance { distance, .. } => {
                 let predicted = far.map_or(distance, |far| (p - far).norm());
@@ -160,11 +181,26 @@ impl Relation {
                 }
                 None => [0.0; 3],
             },
+            Self::View(ref view) => view.residual(arm, tool),
         }
     }
 
-    /// d predicted / d p, a row an equation, world axes.
-    pub fn gradient(
+    /// What a displacement of the tool (world axes at the tool point) does to the prediction.
+    pub fn moved(
+        &self,
+        arm: &ArmModel,
+        tool: &Pose<f64>,
+        far: Option<&Vector3<f64>>,
+        twist: &Twist<f64>,
+    ) -> Vector3<f64> {
+        match self {
+            Self::View(view) => view.moved(arm, tool, twist),
+            _ => self.gradient(arm, &tool.translation, far) * twist.linear,
+        }
+    }
+
+    /// d predicted / d p, a row an equation, world axes; of what a view sees, zero.
+    fn gradient(
         &self,
         arm: &ArmModel,
         p: &Vector3<f64>,
@@ -189,12 +225,15 @@ impl Relation {
                 Some(station) => bearing_gradient(station, p),
                 None => Matrix3::zeros(),
             },
+            Self::View(_) => Matrix3::zeros(),
         }
     }
 
     /// d predicted / d an unknown of the surroundings.
-    pub(super) fn partial(&self, arm: &ArmModel, p: &Vector3<f64>, of: Around) -> Vector3<f64> {
+    pub(super) fn partial(&self, arm: &ArmModel, tool: &Pose<f64>, of: Around) -> Vector3<f64> {
+        let p = &tool.translation;
         match (self, of) {
+            (Self::View(view), _) => view.partial(arm, tool, of),
             (Self::Point { point, .. }, Around::Point(k, axis)) if *point == k => {
                 -Vector3::ith(axis, 1.0)
             }
@@ -219,14 +258,16 @@ impl Relation {
 
     /// How far the tool point moves where an equation changes by one of its unit, m: across
     /// the line of sight for a bearing, one for all else.
-    pub(super) fn way(&self, arm: &ArmModel, p: &Vector3<f64>) -> [f64; 3] {
-        let Self::Bearing { station, .. } = *self else {
-            return [1.0; 3];
+    pub(super) fn way(&self, arm: &ArmModel, tool: &Pose<f64>) -> [f64; 3] {
+        let station = match self {
+            Self::Bearing { station, .. } => station,
+            Self::View(view) => return view.way(arm, tool),
+            _ => return [1.0; 3],
         };
-        let Some(station) = arm.stations.get(station) else {
+        let Some(station) = arm.stations.get(*station) else {
             return [0.0; 3];
         };
-        let v = p - station.translation;
+        let v = tool.translation - station.translation;
         let level = v.dot(&station.rotation.column(2));
         let out = (v.norm_squared() - level * level).max(0.0).sqrt();
         [out, v.norm(), 0.0]
@@ -248,22 +289,24 @@ impl Relation {
         }
     }
 
-    /// Distance of the tool point from the station of a bearing, m; one for all else.
-    pub fn range(&self, arm: &ArmModel, p: &Vector3<f64>) -> f64 {
-        match *self {
+    /// How far off a bearing sees what it is of, m; one for all else.
+    pub fn range(&self, arm: &ArmModel, tool: &Pose<f64>) -> f64 {
+        match self {
             Self::Bearing { station, .. } => {
-                let from = arm.stations.get(station);
-                from.map_or(1.0, |from| (p - from.translation).norm())
+                let from = arm.stations.get(*station);
+                from.map_or(1.0, |from| (tool.translation - from.translation).norm())
             }
+            Self::View(view) => view.range(arm, tool),
             _ => 1.0,
         }
     }
 
-    /// How far the tool point is from where the measurement has it, m; across the line of
-    /// sight for a bearing.
-    pub fn error(&self, arm: &ArmModel, p: &Vector3<f64>, far: Option<&Vector3<f64>>) -> f64 {
-        let off = Vector3::from(self.residual(arm, p, far));
-        off.component_mul(&Vector3::from(self.way(arm, p))).norm()
+    /// How far the tool point, or what is seen from it, is from where the measurement has it,
+    /// m; across the line of sight for a bearing; an angle, rad, of a board's turn.
+    pub fn error(&self, arm: &ArmModel, tool: &Pose<f64>, far: Option<&Vector3<f64>>) -> f64 {
+        let off = Vector3::from(self.residual(arm, tool, far));
+        off.component_mul(&Vector3::from(self.way(arm, tool)))
+            .norm()
     }
 }
 
@@ -274,7 +317,7 @@ pub fn bearing(station: &Pose<f64>, p: &Vector3<f64>) -> [f64; 2] {
 }
 
 /// d (azimuth, elevation, -) / d p, world axes. Without bound towards the station's z axis.
-fn bearing_gradient(station: &Pose<f64>, p: &Vector3<f64>) -> Matrix3<f64> {
+pub(super) fn bearing_gradient(station: &Pose<f64>, p: &Vector3<f64>) -> Matrix3<f64> {
     let v = station.rotation.transpose() * (p - station.translation);
     let out = v.x.hypot(v.y).max(1e-9);
     let far = v.norm_squared().max(1e-18);

@@ -22,6 +22,8 @@ pub(crate) struct Shown {
     scale: bool,
     /// The tool's turn is measured.
     turned: bool,
+    /// Fixed things are seen from the tool.
+    view: bool,
     /// One a joint: it moves.
     moves: Vec<bool>,
     /// The tool point lies on the last axis, which is revolute.
@@ -45,7 +47,10 @@ impl Shown {
         Self {
             placed: observations.iter().any(Observation::is_placed),
             scale: observations.iter().any(Observation::has_scale),
-            turned: observations.iter().any(|o| o.rotation.is_some()),
+            turned: observations
+                .iter()
+                .any(|o| o.rotation.is_some() || o.is_view()),
+            view: observations.iter().any(Observation::is_view),
             moves,
             on_axis: revolute && arm.tool_off_axis() < ON_AXIS,
         }
@@ -61,8 +66,16 @@ impl Shown {
         let mut never = Vec::new();
         if !self.placed {
             never.extend((0..6).map(|axis| {
-                let why = "lengths, distances and touches say nothing of where the arm stands: \
-                           the base is as drawn, and what it touches is placed from there";
+                let why = match self.view {
+                    true => {
+                        "points seen from the tool say nothing of where the arm stands: the base \
+                         is as drawn, and what it sees is placed from there"
+                    }
+                    false => {
+                        "lengths, distances and touches say nothing of where the arm stands: \
+                         the base is as drawn, and what it touches is placed from there"
+                    }
+                };
                 (Unknown::Base { session: 0, axis }, why.to_owned())
             }));
         }

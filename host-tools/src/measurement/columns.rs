@@ -29,12 +29,25 @@ pub(super) enum Field {
     Plane,
     /// Station, and 0 for the azimuth, 1 for the elevation.
     Bearing(usize, usize),
+    /// What an instrument on the tool sees of fixed things.
+    Seen(Seen),
     Payload,
     PayloadCom(usize),
     Temperature(usize),
     Time,
     Session,
     Set,
+}
+
+/// Columns `seen_x` and on, in the tool's own frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Seen {
+    /// Fixed thing (0: the board, or the first point) and axis.
+    Position(usize, usize),
+    /// Of the board: w, x, y, z.
+    Quaternion(usize),
+    /// Fixed thing, and 0 for the azimuth, 1 for the elevation.
+    Bearing(usize, usize),
 }
 
 /// A column with a meaning.
@@ -65,6 +78,7 @@ pub(super) struct Columns {
 const AXES: [&str; 3] = ["x", "y", "z"];
 const BEARING: [&str; 2] = ["azimuth", "elevation"];
 const QUATERNION: [&str; 4] = ["qw", "qx", "qy", "qz"];
+const SEEN: &str = "seen_";
 
 impl Columns {
     /// Reads the header row `names` and checks that what `purpose` needs is there.
@@ -155,6 +169,15 @@ impl Columns {
         self.known.iter().map(count).max().unwrap_or(0)
     }
 
+    /// Number of fixed things that an instrument on the tool sees.
+    pub(super) fn seen(&self) -> usize {
+        let count = |c: &Column| match c.field {
+            Field::Seen(Seen::Position(thing, _) | Seen::Bearing(thing, _)) => thing + 1,
+            _ => 0,
+        };
+        self.known.iter().map(count).max().unwrap_or(0)
+    }
+
     /// Columns of [`super::Relations`].
     pub(super) fn relations(&self) -> Vec<&Column> {
         let is = |c: &&Column| c.field.is_relation();
@@ -207,6 +230,7 @@ impl Columns {
                 }
             }
         }
+        self.check_seen(file, purpose, &missing)?;
         for target in 0..self.targets() {
             let number = if target == 0 {
                 String::new()
@@ -250,7 +274,8 @@ impl Columns {
                 Purpose::Targets => "x, y, z, qw, qx, qy, qz: the pose to reach".to_owned(),
                 _ if has_orientation => "x, y, z beside qw, qx, qy, qz".to_owned(),
                 _ => "something measured: x, y, z, or a pose with qw, qx, qy, qz, or length, or \
-                      azimuth and elevation, pair and distance, point, plane"
+                      azimuth and elevation, pair and distance, point, plane, or what a camera on \
+                      the tool sees: seen_x and on"
                     .to_owned(),
             };
             return Err(missing("x", why));
@@ -281,18 +306,104 @@ impl Columns {
     }
 }
 
+impl Columns {
+    /// What an instrument on the tool sees is complete, and nothing else is measured.
+    fn check_seen(
+        &self,
+        file: &Path,
+        purpose: Purpose,
+        missing: &dyn Fn(&str, String) -> Error,
+    ) -> Result<(), Error> {
+        let is_seen = |c: &&Column| matches!(c.field, Field::Seen(_));
+        let Some(first) = self.known.iter().find(is_seen) else {
+            return Ok(());
+        };
+        let from_beside = |c: &&Column| {
+            matches!(
+                c.field,
+                Field::Position(..) | Field::Quaternion(_) | Field::Length
+            ) || c.field.is_relation() && !is_seen(c)
+        };
+        if purpose.leaves_out()
+            && let Some(other) = self.known.iter().find(from_beside)
+        {
+            return Err(Place::line(file, self.line).column(&other.name).bad(
+                format!("{} beside {}", other.name, first.name),
+                "either what an instrument on the tool sees, or what one beside the arm does: \
+                 the tool's frame is the one's own and the other's target",
+                "put them into two tables, or rename the columns that are not to count",
+            ));
+        }
+        let has = |seen: Seen| self.has(Field::Seen(seen));
+        for thing in 0..self.seen() {
+            let number = match thing {
+                0 => String::new(),
+                _ => (thing + 1).to_string(),
+            };
+            let any = |one: &dyn Fn(usize) -> Seen, count| (0..count).any(|k| has(one(k)));
+            let position = |k| Seen::Position(thing, k);
+            let bearing = |k| Seen::Bearing(thing, k);
+            let at = any(&position, 3);
+            let towards = any(&bearing, 2);
+            for (k, axis) in AXES.iter().enumerate() {
+                if (at || !towards) && !has(position(k)) {
+                    let why = "seen_x, seen_y, seen_z (or seen_azimuth, seen_elevation) of every \
+                               fixed thing, counted from 2 on"
+                        .to_owned();
+                    return Err(missing(&format!("{SEEN}{axis}{number}"), why));
+                }
+            }
+            for (k, name) in BEARING.iter().enumerate() {
+                if towards && !has(bearing(k)) {
+                    let why = "seen_azimuth and seen_elevation of every fixed thing, counted \
+                               from 2 on"
+                        .to_owned();
+                    return Err(missing(&format!("{SEEN}{name}{number}"), why));
+                }
+            }
+        }
+        let turned = (0..4).any(|k| has(Seen::Quaternion(k)));
+        for (k, name) in QUATERNION.iter().enumerate() {
+            if turned && !has(Seen::Quaternion(k)) {
+                let why = "the whole quaternion seen_qw, seen_qx, seen_qy, seen_qz".to_owned();
+                return Err(missing(&format!("{SEEN}{name}"), why));
+            }
+        }
+        for (k, axis) in AXES.iter().enumerate() {
+            if turned && !has(Seen::Position(0, k)) {
+                let why = "seen_x, seen_y, seen_z beside seen_qw, seen_qx, seen_qy, seen_qz";
+                return Err(missing(&format!("{SEEN}{axis}"), why.to_owned()));
+            }
+        }
+        Ok(())
+    }
+}
+
 impl Field {
     /// True for what binds the tool point without giving it.
     pub(super) fn is_relation(self) -> bool {
         matches!(
             self,
-            Self::Pair | Self::Distance | Self::Point | Self::Plane | Self::Bearing(..)
+            Self::Pair
+                | Self::Distance
+                | Self::Point
+                | Self::Plane
+                | Self::Bearing(..)
+                | Self::Seen(_)
         )
     }
 }
 
 /// The meaning of a name without its unit; `None` for names that have none.
 fn field(name: &str) -> Option<Field> {
+    if let Some(seen) = name.strip_prefix(SEEN) {
+        return match field(seen)? {
+            Field::Position(thing, axis) => Some(Field::Seen(Seen::Position(thing, axis))),
+            Field::Quaternion(k) => Some(Field::Seen(Seen::Quaternion(k))),
+            Field::Bearing(thing, k) => Some(Field::Seen(Seen::Bearing(thing, k))),
+            _ => None,
+        };
+    }
     let axis = |letter: &str| AXES.iter().position(|a| *a == letter);
     match name {
         "length" => return Some(Field::Length),
@@ -354,11 +465,14 @@ fn quantity(field: Field, expected: &Expected) -> Option<Quantity> {
             expected.kinds.get(k)?;
             Quantity::Other
         }
-        Field::Position(..) | Field::Length | Field::Distance | Field::PayloadCom(_) => {
-            Quantity::Length
-        }
-        Field::Bearing(..) => Quantity::Angle,
+        Field::Position(..)
+        | Field::Length
+        | Field::Distance
+        | Field::PayloadCom(_)
+        | Field::Seen(Seen::Position(..)) => Quantity::Length,
+        Field::Bearing(..) | Field::Seen(Seen::Bearing(..)) => Quantity::Angle,
         Field::Quaternion(_)
+        | Field::Seen(Seen::Quaternion(_))
         | Field::Pair
         | Field::Point
         | Field::Plane

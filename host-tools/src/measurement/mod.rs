@@ -62,6 +62,12 @@ pub enum Measured {
     Point,
     /// Fixed planes that the tool point touches.
     Plane,
+    /// The pose of a fixed board, by an instrument on the tool.
+    Board,
+    /// Positions of fixed points, by an instrument on the tool.
+    Mark,
+    /// Bearings of fixed points, by an instrument on the tool.
+    Sight,
     /// Nothing ([`Purpose::Joints`] only).
     Nothing,
 }
@@ -81,6 +87,19 @@ pub struct Relations {
     pub plane: Option<i64>,
     /// Azimuth and elevation of the tool point from every station, rad.
     pub bearings: Vec<Option<[f64; 2]>>,
+    /// What an instrument on the tool sees of every fixed thing.
+    pub seen: Vec<Seen>,
+    /// Orientation of the first of them in the tool's frame, unit quaternion w, x, y, z.
+    pub seen_turn: Option<[f64; 4]>,
+}
+
+/// A fixed thing in the tool's own frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seen {
+    /// m.
+    pub position: Option<[f64; 3]>,
+    /// Azimuth from x towards y about z, and elevation above the x-y plane, rad.
+    pub bearing: Option<[f64; 2]>,
 }
 
 impl Relations {
@@ -90,6 +109,8 @@ impl Relations {
             && self.point.is_none()
             && self.plane.is_none()
             && self.bearings.iter().all(Option::is_none)
+            && self.seen_turn.is_none()
+            && self.seen.iter().all(|s| *s == Seen::default())
     }
 }
 
@@ -246,6 +267,14 @@ impl Row {
 }
 
 impl Dataset {
+    /// True if some row gives the whole pose of the first fixed thing: a board, which is the
+    /// world then.
+    pub fn has_board(&self) -> bool {
+        self.rows
+            .iter()
+            .any(|row| row.relations.seen_turn.is_some())
+    }
+
     /// Rows of one side of the split.
     pub fn set(&self, set: Set) -> impl Iterator<Item = &Row> {
         self.rows.iter().filter(move |row| row.set == set)

@@ -2,9 +2,9 @@
 
 use truepose::JointKind;
 
-use super::columns::{Columns, Field};
+use super::columns::{self, Columns, Field};
 use super::rows::Parsed;
-use super::{Dataset, Expected, Measured, Row, Set};
+use super::{Dataset, Expected, Measured, Row, Seen, Set};
 use crate::error::{Error, Place};
 use crate::units::Quantity;
 use crate::warning::Warning;
@@ -32,6 +32,7 @@ pub(super) fn check(parsed: &mut Parsed, expected: &Expected) -> Result<(), Erro
     check_joints(dataset, columns, expected)?;
     check_positions(dataset, columns, expected)?;
     check_lengths(dataset, columns)?;
+    check_seen(dataset, columns)?;
     warn_of_limits(dataset, expected);
     warn_of_radians(dataset, columns, expected);
     Ok(())
@@ -59,7 +60,12 @@ pub(super) fn check_enough(dataset: &Dataset, expected: &Expected) -> Result<(),
             + usize::from(r.plane.is_some())
             + 2 * r.bearings.iter().flatten().count();
         let related = related.min(if row.orientation.is_some() { 6 } else { 3 });
+        let thing =
+            |s: &Seen| 3 * usize::from(s.position.is_some()) + 2 * usize::from(s.bearing.is_some());
+        let seen = r.seen.iter().map(thing).sum::<usize>();
+        let seen = seen + 3 * usize::from(r.seen_turn.is_some());
         (point + turn)
+            .max(seen)
             .min(6)
             .max(usize::from(row.length.is_some()))
             .max(related)
@@ -218,6 +224,23 @@ fn check_lengths(dataset: &Dataset, columns: &Columns) -> Result<(), Error> {
                 format!("lengths of {typical:.0} m"),
                 format!("at most {LARGEST_LENGTH:.0} m"),
                 "if they are in millimetres, name the column length_mm",
+            )),
+        _ => Ok(()),
+    }
+}
+
+/// Nothing is seen from the tool that is farther off.
+fn check_seen(dataset: &Dataset, columns: &Columns) -> Result<(), Error> {
+    let seen = dataset.rows.iter().flat_map(|row| &row.relations.seen);
+    let far = |p: [f64; 3]| p.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let typical = median(seen.filter_map(|s| s.position.map(far)).collect());
+    match columns.get(Field::Seen(columns::Seen::Position(0, 0))) {
+        Some(column) if typical > LARGEST_LENGTH => Err(Place::line(&dataset.file, columns.line)
+            .column(&column.name)
+            .bad(
+                format!("fixed things {typical:.0} m from the tool"),
+                format!("at most {LARGEST_LENGTH:.0} m"),
+                "if they are in millimetres, name the columns seen_x_mm, seen_y_mm, seen_z_mm",
             )),
         _ => Ok(()),
     }

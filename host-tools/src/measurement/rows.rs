@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::columns::{Column, Columns, Field};
-use super::{Available, Dataset, Expected, Measured, Noise, Purpose, Relations, Row, Set};
+use super::columns::{self, Column, Columns, Field};
+use super::{Available, Dataset, Expected, Measured, Noise, Purpose, Relations, Row, Seen, Set};
 use crate::error::{Error, Place};
 use crate::warning::Warning;
 
@@ -19,6 +19,8 @@ pub(super) struct Parsed {
 const LARGEST: f64 = 1e9;
 /// No elevation is larger, rad.
 const HIGHEST: f64 = 89.0 * std::f64::consts::PI / 180.0;
+const ORIENTATION: &str = "qw, qx, qy, qz";
+const SEEN_TURN: &str = "seen_qw, seen_qx, seen_qy, seen_qz";
 /// A quaternion may be off unit length by this much: four printed decimals at worst.
 const QUATERNION_SLACK: f64 = 0.01;
 
@@ -181,6 +183,9 @@ impl<'a> Reading<'a> {
         let mut length = None;
         let [mut pair, mut distance, mut point, mut plane] = [None; 4];
         let mut bearings = vec![[None; 2]; self.columns.stations()];
+        let mut seen_points = vec![[None; 3]; self.columns.seen()];
+        let mut seen_bearings = vec![[None; 2]; self.columns.seen()];
+        let mut seen_turn = [None; 4];
         let mut set = None;
         let mut conditions = vec![None; self.condition_columns.len()];
         let mut condition = conditions.iter_mut();
@@ -205,6 +210,13 @@ impl<'a> Reading<'a> {
                 Field::Point => Some(&mut point),
                 Field::Plane => Some(&mut plane),
                 Field::Bearing(station, k) => bearings.get_mut(station).and_then(|b| b.get_mut(k)),
+                Field::Seen(columns::Seen::Position(thing, axis)) => {
+                    seen_points.get_mut(thing).and_then(|p| p.get_mut(axis))
+                }
+                Field::Seen(columns::Seen::Quaternion(k)) => seen_turn.get_mut(k),
+                Field::Seen(columns::Seen::Bearing(thing, k)) => {
+                    seen_bearings.get_mut(thing).and_then(|b| b.get_mut(k))
+                }
                 Field::Direction(k) => {
                     if let Some(slot) = direction.get_mut(k) {
                         *slot = value.unwrap_or(0.0);
@@ -222,11 +234,25 @@ impl<'a> Reading<'a> {
                 *slot = value;
             }
         }
-        let orientation = self.complete("qw, qx, qy, qz", &quaternion, number);
+        let orientation = self.complete(ORIENTATION, &quaternion, number);
         let orientation = match orientation {
-            Some(wxyz) => Some(self.unit(number, line, wxyz)?),
+            Some(wxyz) => Some(self.unit(number, line, ORIENTATION, wxyz)?),
             None => None,
         };
+        let seen_turn = match self.complete(SEEN_TURN, &seen_turn, number) {
+            Some(wxyz) => Some(self.unit(number, line, SEEN_TURN, wxyz)?),
+            None => None,
+        };
+        let seen: Vec<Seen> = seen_points
+            .iter()
+            .zip(&seen_bearings)
+            .map(|(point, bearing)| Seen {
+                position: self.complete("seen_x, seen_y, seen_z", point, number),
+                bearing: self.complete("seen_azimuth, seen_elevation", bearing, number),
+            })
+            .collect();
+        // a board's turn is told with its place
+        let seen_turn = seen_turn.filter(|_| seen.first().is_some_and(|s| s.position.is_some()));
         let mut points = points.iter();
         let position = points
             .next()
@@ -245,6 +271,8 @@ impl<'a> Reading<'a> {
                 .iter()
                 .map(|b| self.complete("azimuth, elevation", b, number))
                 .collect(),
+            seen,
+            seen_turn,
         };
         let q_command = self.all("qcmd1, ...", &q_command, number);
 
@@ -347,15 +375,23 @@ impl<'a> Reading<'a> {
             Field::Session | Field::Pair | Field::Point | Field::Plane if number.fract() != 0.0 => {
                 Err(bad("an integer".to_owned(), blank))
             }
-            Field::Bearing(_, 1) if value.abs() > HIGHEST => Err(bad(
-                "an elevation within 89 deg of level: the azimuth means nothing at the zenith"
-                    .to_owned(),
-                "check the unit and the order of the columns, or blank the row",
-            )),
-            Field::Bearing(_, 0) if value.abs() > 4.0 * std::f64::consts::PI => Err(bad(
-                "an angle within two turns, rad".to_owned(),
-                "if the column is in degrees, name it with _deg at the end",
-            )),
+            Field::Bearing(_, 1) | Field::Seen(columns::Seen::Bearing(_, 1))
+                if value.abs() > HIGHEST =>
+            {
+                Err(bad(
+                    "an elevation within 89 deg of level: the azimuth means nothing at the zenith"
+                        .to_owned(),
+                    "check the unit and the order of the columns, or blank the row",
+                ))
+            }
+            Field::Bearing(_, 0) | Field::Seen(columns::Seen::Bearing(_, 0))
+                if value.abs() > 4.0 * std::f64::consts::PI =>
+            {
+                Err(bad(
+                    "an angle within two turns, rad".to_owned(),
+                    "if the column is in degrees, name it with _deg at the end",
+                ))
+            }
             Field::Length | Field::Distance if value <= 0.0 => {
                 Err(bad("a length above zero".to_owned(), blank))
             }
@@ -382,10 +418,16 @@ impl<'a> Reading<'a> {
         }
     }
 
-    fn unit(&self, number: usize, line: usize, wxyz: [f64; 4]) -> Result<[f64; 4], Error> {
+    fn unit(
+        &self,
+        number: usize,
+        line: usize,
+        columns: &str,
+        wxyz: [f64; 4],
+    ) -> Result<[f64; 4], Error> {
         let norm = wxyz.iter().map(|x| x * x).sum::<f64>().sqrt();
         if (norm - 1.0).abs() > QUATERNION_SLACK {
-            return Err(self.place(number, line).column("qw, qx, qy, qz").bad(
+            return Err(self.place(number, line).column(columns).bad(
                 format!("a quaternion of length {norm:.4}"),
                 "length 1",
                 "check the order w, x, y, z and that no component is missing",
@@ -488,6 +530,7 @@ impl<'a> Reading<'a> {
 }
 
 fn measured(rows: &[Row]) -> Measured {
+    let seen = |is: fn(&Seen) -> bool| rows.iter().any(|r| r.relations.seen.iter().any(is));
     if rows
         .iter()
         .any(|r| r.orientation.is_some() && r.position.is_some())
@@ -511,6 +554,12 @@ fn measured(rows: &[Row]) -> Measured {
         Measured::Point
     } else if rows.iter().any(|r| r.relations.plane.is_some()) {
         Measured::Plane
+    } else if rows.iter().any(|r| r.relations.seen_turn.is_some()) {
+        Measured::Board
+    } else if seen(|s| s.position.is_some()) {
+        Measured::Mark
+    } else if seen(|s| s.bearing.is_some()) {
+        Measured::Sight
     } else {
         Measured::Nothing
     }

@@ -190,21 +190,20 @@ impl Choice {
         let mut evaluator = Evaluator::new(arm, Sigmas::UNIT);
         for _ in 0..STEPS {
             o.q = choice.get(..self.joints).unwrap_or(&[]).to_vec();
-            let p = evaluator.observe(&o).translation;
+            let tool = evaluator.observe(&o);
             // of a touch, where the tool should be less where it is
-            let miss = relation.residual(arm, &p, None);
+            let miss = relation.residual(arm, &tool, None);
             let miss = DVector::from_column_slice(&miss[..relation.equations()]);
             if miss.norm() < MET {
                 return true;
             }
-            let slope = relation.gradient(arm, &p, None);
-            let slope = slope.rows(0, relation.equations());
-            let joints = DMatrix::from_fn(3, self.joints, |i, j| {
+            let joints = (0..self.joints).map(|j| {
                 let [low, high] = self.limits[j];
                 // a joint at its limit that would go on is left out by the clamp below
-                (high - low) * evaluator.joint_twist(j).linear[i]
+                relation.moved(arm, &tool, None, &evaluator.joint_twist(j)) * (high - low)
             });
-            let jacobian = slope * joints;
+            let joints: Vec<Vector3<f64>> = joints.collect();
+            let jacobian = DMatrix::from_fn(relation.equations(), self.joints, |i, j| joints[j][i]);
             let mut square = &jacobian * jacobian.transpose();
             for k in 0..square.nrows() {
                 square[(k, k)] += 1e-6 + 1e-3 * miss.norm();

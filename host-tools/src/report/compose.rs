@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::Vector3;
 use truepose::JointKind;
 use truepose::effects::Kind;
 
@@ -14,7 +15,7 @@ use crate::identify::assess::{Errors, Statistics, errors};
 use crate::identify::bootstrap::Bootstrap;
 use crate::identify::evaluator::Evaluator;
 use crate::identify::noise::{Component, fitted, of_fitted, unseen};
-use crate::identify::observation::Observation;
+use crate::identify::observation::{self, Observation};
 use crate::identify::predicted::{Covariance, Uncertainty};
 use crate::identify::problem::{ASSUMED, Joints, Problem};
 use crate::identify::readings::Identified;
@@ -22,6 +23,7 @@ use crate::identify::relation::Relation;
 use crate::identify::structure::{complete_count, structure};
 use crate::identify::uncertainty::chi_square_tail;
 use crate::identify::unknown::Unknown;
+use crate::identify::view::View;
 use crate::identify::{Calibration, Failure, Stage, Status};
 use crate::measurement::{Dataset, Measured};
 
@@ -143,17 +145,19 @@ impl Report {
             M::Length => noise(by.length, s.length, &found.length, MM),
             M::Distance => noise(by.distance, s.distance, &found.distance, MM),
             M::Point | M::Plane => noise(by.contact, s.contact, &found.contact, MM),
-            M::Bearing => noise(by.bearing, s.bearing, &found.bearing, MM * range),
-            M::Position | M::Pose => noise(by.position, s.position, &found.position, MM),
+            M::Bearing | M::Sight => noise(by.bearing, s.bearing, &found.bearing, MM * range),
+            M::Position | M::Pose | M::Board | M::Mark => {
+                noise(by.position, s.position, &found.position, MM)
+            }
         };
         self.summary.noise_deg = match self.summary.measured {
-            M::Pose => Some(noise(
+            M::Pose | M::Board => Some(noise(
                 by.orientation,
                 s.orientation,
                 &found.orientation,
                 degrees,
             )),
-            M::Bearing => Some(noise(by.bearing, s.bearing, &found.bearing, degrees)),
+            M::Bearing | M::Sight => Some(noise(by.bearing, s.bearing, &found.bearing, degrees)),
             _ => None,
         };
     }
@@ -164,7 +168,10 @@ impl Report {
         let noise = &data.noise;
         let assumed = &mut self.assumed;
         let length = data.measured == Measured::Length;
-        let positions = matches!(data.measured, Measured::Position | Measured::Pose);
+        let positions = matches!(
+            data.measured,
+            Measured::Position | Measured::Pose | Measured::Board | Measured::Mark
+        );
         if positions && noise.position.is_none() {
             assumed.push(format!(
                 "the instrument's noise is not declared: positions weighted as by {:.3} mm an \
@@ -172,7 +179,8 @@ impl Report {
                 ASSUMED.position * MM
             ));
         }
-        if data.measured == Measured::Pose && noise.orientation.is_none() {
+        if matches!(data.measured, Measured::Pose | Measured::Board) && noise.orientation.is_none()
+        {
             assumed.push(format!(
                 "orientations weighted as by {:.3} deg an axis; orientation_sigma_deg says \
                  better",
@@ -205,7 +213,7 @@ impl Report {
                 ASSUMED.contact * MM
             ));
         }
-        if noise.bearing.is_none() && has(|r| matches!(r, Relation::Bearing { .. })) {
+        if noise.bearing.is_none() && has(|r| r.kind() == observation::Kind::Bearing) {
             assumed.push(format!(
                 "bearings weighted as by {:.4} deg; bearing_sigma_deg in the sidecar says better",
                 ASSUMED.bearing.to_degrees()
@@ -220,7 +228,15 @@ impl Report {
             }
         }
         let placements = identified.problem.sessions.len();
+        let board = data.measured == Measured::Board;
         assumed.push(match placements {
+            _ if !board && problem.identify.iter().any(Observation::is_view) => {
+                "what is seen from the tool stood still, and where is found".to_owned()
+            }
+            0 | 1 if board => {
+                "the board stood still: one placement, found from the measurements".to_owned()
+            }
+            n if board => format!("{n} placements of the board, each found from its own rows"),
             0 | 1 => {
                 "the instrument stood still: one placement, found from the measurements".to_owned()
             }
@@ -395,6 +411,9 @@ fn measured(data: &Dataset, turned: bool) -> schema::Measured {
         Measured::Distance => schema::Measured::Distance,
         Measured::Point => schema::Measured::Point,
         Measured::Plane => schema::Measured::Plane,
+        Measured::Board => schema::Measured::Board,
+        Measured::Mark => schema::Measured::Mark,
+        Measured::Sight => schema::Measured::Sight,
         Measured::Pose if turned => schema::Measured::Pose,
         _ => schema::Measured::Position,
     }
@@ -405,13 +424,9 @@ fn range(arm: &ArmModel, observations: &[&Observation]) -> f64 {
     let mut evaluator = Evaluator::new(arm, ASSUMED);
     let (mut sum, mut count) = (0.0, 0);
     for o in observations {
-        let mut seen = o.relations.iter().filter_map(|r| match r {
-            Relation::Bearing { station, .. } => arm.stations.get(*station),
-            _ => None,
-        });
-        if let Some(station) = seen.next() {
-            let p = evaluator.observe(o).translation;
-            sum += (p - station.translation).norm();
+        let mut seen = o.relations.iter();
+        if let Some(seen) = seen.find(|r| r.kind() == observation::Kind::Bearing) {
+            sum += seen.range(arm, &evaluator.observe(o));
             count += 1;
         }
     }
@@ -654,6 +669,14 @@ fn rows(calibration: &Calibration, verify: &[&Observation]) -> Vec<Row> {
     let arm = &calibration.complete.arm;
     let sigmas = crate::identify::observation::Sigmas::UNIT;
     let mut evaluator = Evaluator::new(arm, sigmas);
+    let row = |o: &Observation, residual_mm| {
+        let q = o.q.iter().zip(&arm.joints);
+        Row {
+            number: o.row,
+            q: q.map(|(q, j)| q * joint_unit(j.kind).1).collect(),
+            residual_mm,
+        }
+    };
     verify
         .iter()
         .filter_map(|o| {
@@ -676,6 +699,16 @@ fn rows(calibration: &Calibration, verify: &[&Observation]) -> Vec<Row> {
                     let mut residual = vec![0.0; o.equations()];
                     let mut distances = Vec::new();
                     evaluator.residual(o, &mut residual);
+                    if let (Some(Relation::View(View::At { .. })), [x, y, z, ..]) =
+                        (o.relations.first(), residual.as_slice())
+                    {
+                        let base = arm.bases.get(o.session).or(arm.bases.first())?;
+                        let v = pose.rotation * Vector3::new(*x, *y, *z);
+                        return Some(row(
+                            o,
+                            scaled((base.rotation.transpose() * v).as_slice(), MM),
+                        ));
+                    }
                     evaluator.distances(o, |d| distances.push(d));
                     let [one] = distances.as_slice() else {
                         return None;
@@ -683,12 +716,7 @@ fn rows(calibration: &Calibration, verify: &[&Observation]) -> Vec<Row> {
                     vec![one * residual.first().map_or(1.0, |r| r.signum()) * MM]
                 }
             };
-            let q = o.q.iter().zip(&arm.joints);
-            Some(Row {
-                number: o.row,
-                q: q.map(|(q, j)| q * joint_unit(j.kind).1).collect(),
-                residual_mm: residual,
-            })
+            Some(row(o, residual))
         })
         .collect()
 }

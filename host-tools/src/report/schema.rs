@@ -26,6 +26,12 @@ pub enum Measured {
     Point,
     /// Touches of fixed planes.
     Plane,
+    /// The pose of a fixed board, seen from the tool.
+    Board,
+    /// Positions of fixed points, seen from the tool.
+    Mark,
+    /// Bearings of fixed points, seen from the tool.
+    Sight,
 }
 
 /// The answer.
@@ -423,8 +429,8 @@ pub struct Summary {
     /// `error_mm` once more, cross-validated on blocks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_mm_blocks: Option<BlockErrors>,
-    /// Noise of positions, lengths, distances or touches; of bearings, at the distance that
-    /// the tool was seen from.
+    /// Noise of positions, lengths, distances or touches; of bearings, at the distance over
+    /// which they were taken.
     pub noise_mm: Noise,
     /// Noise of orientations, with full poses, or of bearings.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -34,6 +34,9 @@ impl Measured {
             Self::Distance => "distances between poses",
             Self::Point => "touches of fixed points",
             Self::Plane => "touches of fixed planes",
+            Self::Board => "poses of a fixed board, seen from the tool",
+            Self::Mark => "fixed points, seen from the tool",
+            Self::Sight => "bearings of fixed points, seen from the tool",
         }
     }
 }

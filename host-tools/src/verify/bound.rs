@@ -1,25 +1,26 @@
 //! Measurements that bind the tool point without giving it: lengths, distances between poses,
-//! touches of points and planes, bearings.
+//! touches of points and planes, bearings, what is seen from the tool.
 //!
-//! A blob does not say where a wire ends, a point or plane is, or a second theodolite stands:
-//! that is fitted to the new rows first, for either model on its own. The tool stands where
+//! A blob does not say where a wire ends, a point or plane is, or a second theodolite stands
+//! (where a board is it says: that is the world): that is fitted to the new rows first, for either model on its own. The tool stands where
 //! the controller's code puts it, row by row: an arm without joints, with a base for each.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use truepose::Pose;
 
 use super::Errors;
 use crate::error::{Error, Place};
-use crate::identify::align::{guess_around, resected};
+use crate::identify::align::{guess_around, nearest_rotation, resected};
 use crate::identify::arm::ArmModel;
 use crate::identify::assess::{Statistics, errors};
 use crate::identify::evaluator::Evaluator;
 use crate::identify::fit;
-use crate::identify::observation::{Observation, Sigmas};
+use crate::identify::observation::{Kind, Observation, Sigmas};
 use crate::identify::prior::Prior;
 use crate::identify::problem::{Joints, Rows, weights};
 use crate::identify::relation::Relation;
 use crate::identify::unknown::Unknown;
+use crate::identify::view::board;
 use crate::measurement::Dataset;
 
 /// The new rows, and what has to be found before they can be compared.
@@ -66,7 +67,21 @@ impl Bound {
             let touches = |o: &&Observation| o.relations.iter().any(is);
             observations.iter().filter(touches).count()
         };
+        let sighted = |k: usize| {
+            let mut all = observations.iter().flat_map(|o| &o.relations);
+            !all.any(|r| r.point() == Some(k) && r.kind() != Kind::Bearing)
+        };
         let mut things = Vec::new();
+        if realign && table.has_board() {
+            things.push(Thing {
+                name: "the board".to_owned(),
+                unknowns: (0..6)
+                    .map(|axis| Unknown::Station { station: 0, axis })
+                    .collect(),
+                equations: 6,
+                rows: observations.iter().filter_map(board).count(),
+            });
+        }
         let lengths = observations.iter().filter(|o| o.length.is_some()).count();
         if lengths > 0 {
             things.push(Thing {
@@ -82,8 +97,8 @@ impl Bound {
                 unknowns: (0..3)
                     .map(|axis| Unknown::Point { point: k, axis })
                     .collect(),
-                equations: 3,
-                rows: count(&|r| matches!(r, Relation::Point { point } if *point == k)),
+                equations: 3 - usize::from(sighted(k)),
+                rows: count(&|r| r.point() == Some(k)),
             });
         }
         for (k, label) in planes.iter().enumerate() {
@@ -145,8 +160,21 @@ impl Bound {
         !self.unknowns.is_empty()
     }
 
-    /// Stations by their bearings of where the tool is.
+    /// Stations by their bearings of where the tool is, a board by where the tool sees it.
     fn guess_stations(&self, arm: &mut ArmModel) {
+        let boards = self.observations.iter().filter_map(|o| {
+            let base = arm.bases.get(o.session)?;
+            Some(base.then(&board(o)?))
+        });
+        let boards: Vec<Pose<f64>> = boards.collect();
+        let is_free = |u: &Unknown| matches!(u, Unknown::Station { station: 0, .. });
+        if !boards.is_empty() && self.unknowns.iter().any(is_free) {
+            let mean = boards.iter().map(|b| b.translation).sum::<Vector3<f64>>();
+            let turns = boards.iter().map(|b| b.rotation).sum::<Matrix3<f64>>();
+            if let Some(rotation) = nearest_rotation(&turns) {
+                arm.stations[0] = Pose::new(rotation, mean / boards.len() as f64);
+            }
+        }
         let unknown = |u: &Unknown| match u {
             Unknown::Station { station, axis: 0 } => Some(*station),
             _ => None,
@@ -188,6 +216,8 @@ impl Bound {
         let mut evaluator = Evaluator::new(&arm, Sigmas::UNIT);
         let (mut square, mut equations) = (0.0, 0);
         let mut angles = Vec::new();
+        // a turn of the tool shows as well, over the distance to what is seen
+        let tool_point_alone = !rows.iter().any(|o| o.is_view());
         for o in &rows {
             evaluator.observe(o);
             let mut residual = vec![0.0; o.equations()];
@@ -199,18 +229,19 @@ impl Bound {
             square += each.sum::<f64>() / postures;
             equations += residual.len();
             for relation in &o.relations {
-                if let Relation::Bearing { .. } = relation {
-                    let across = relation.error(&arm, &evaluator.tool_point(), None);
-                    angles.push(across / relation.range(&arm, &evaluator.tool_point()));
+                if relation.kind() == Kind::Bearing {
+                    let across = relation.error(&arm, evaluator.tool(), None);
+                    angles.push(across / relation.range(&arm, evaluator.tool()));
                 }
             }
         }
         let freedom = equations.saturating_sub(fitted).max(1) as f64;
+        let errors = errors(&arm, &rows);
         Some(Errors {
-            position: Statistics::of(&errors(&arm, &rows).distances)?,
-            orientation: None,
+            position: Statistics::of(&errors.distances)?,
+            orientation: Statistics::of(&errors.angles),
             bearing: Statistics::of(&angles),
-            tool_point: Some((3.0 * square / freedom).sqrt()),
+            tool_point: tool_point_alone.then(|| (3.0 * square / freedom).sqrt()),
         })
     }
 }

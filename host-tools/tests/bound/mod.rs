@@ -1,5 +1,5 @@
 //! Postures that are measured without giving the tool point: distances between two, touches
-//! of points and planes, bearings.
+//! of points and planes, bearings; and what an instrument on the tool sees.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 use truepose::Pose;
@@ -8,6 +8,7 @@ use truepose_host::identify::evaluator::Evaluator;
 use truepose_host::identify::observation::Observation;
 use truepose_host::identify::problem::Problem;
 use truepose_host::identify::relation::{Plane, Relation, bearing};
+use truepose_host::identify::view::{Fixed, View};
 use truepose_host::random::Random;
 
 use crate::synthetic::{SIGMAS, anywhere, built, problem, readings};
@@ -19,10 +20,40 @@ pub(crate) enum Bound {
     Points,
     Planes,
     Bearings,
+    /// The tool sees a board's pose.
+    Board,
+    /// The tool sees where points are.
+    Marks,
+    /// The tool sees bearings of points.
+    Sights,
 }
 
 impl Bound {
-    pub(crate) const ALL: [Self; 4] = [Self::Distance, Self::Points, Self::Planes, Self::Bearings];
+    pub(crate) const ALL: [Self; 7] = [
+        Self::Distance,
+        Self::Points,
+        Self::Planes,
+        Self::Bearings,
+        Self::Board,
+        Self::Marks,
+        Self::Sights,
+    ];
+
+    /// The instrument is on the tool.
+    pub(crate) fn is_view(self) -> bool {
+        matches!(self, Self::Board | Self::Marks | Self::Sights)
+    }
+}
+
+/// What the tool at `tool` sees of a board that is the world.
+pub(crate) fn board(tool: &Pose<f64>, noise: f64, chance: &mut Random) -> [Relation; 2] {
+    let mut off = |sigma: f64| Vector3::from([0.0; 3].map(|_| noise * sigma * chance.normal()));
+    let seen = tool.inverse();
+    let at = seen.translation + off(SIGMAS.position);
+    let turn = Pose::from_rotation_vector(&off(SIGMAS.orientation));
+    let rotation = turn.rotation * seen.rotation;
+    let of = Fixed::Board;
+    [View::At { of, at }, View::Turn { rotation }].map(Relation::View)
 }
 
 /// At random readings, nothing measured.
@@ -127,6 +158,36 @@ pub(crate) fn bound(
                     });
                 }
             }
+            Bound::Board => {
+                let tool = evaluator.observe(&o);
+                o.relations.extend(board(&tool, noise, &mut chance));
+            }
+            Bound::Marks => {
+                let tool = evaluator.observe(&o);
+                for (k, point) in truth.points.iter().enumerate() {
+                    let away = [0.0; 3].map(|_| noise * SIGMAS.position * chance.normal());
+                    let at = tool.inverse().point(point) + Vector3::from(away);
+                    let of = Fixed::Point(k);
+                    o.relations.push(Relation::View(View::At { of, at }));
+                }
+            }
+            Bound::Sights => {
+                let tool = evaluator.observe(&o);
+                for (k, point) in truth.points.iter().enumerate() {
+                    let seen = bearing(&tool, point);
+                    // the azimuth means little near the zenith
+                    if seen[1].abs() > 1.2 {
+                        continue;
+                    }
+                    let [azimuth, elevation] =
+                        seen.map(|angle| angle + noise * SIGMAS.bearing * chance.normal());
+                    o.relations.push(Relation::View(View::Sight {
+                        of: Fixed::Point(k),
+                        azimuth,
+                        elevation,
+                    }));
+                }
+            }
         }
         found.push(o);
     }
@@ -144,6 +205,14 @@ pub(crate) fn surrounded(drawing: &ArmModel, by: Bound, seed: u64) -> ArmModel {
             Pose::from_xyz_rpy(Vector3::new(1.0, 4.0, 0.5), Vector3::new(0.02, -0.05, -1.3)),
         ];
     }
+    if by == Bound::Board {
+        truth.bases[0] = anywhere(&mut Random::new(seed, 1));
+    }
+    if by.is_view() {
+        // mounted otherwise than it is drawn
+        let turn = Pose::from_rotation_vector(&Vector3::new(1.1, -0.7, 1.6));
+        truth.tool.rotation = turn.rotation * truth.tool.rotation;
+    }
     truth.points = vec![
         Vector3::new(0.5, 0.2, 0.3),
         Vector3::new(-0.3, 0.45, 0.1),
@@ -160,16 +229,16 @@ pub(crate) fn surrounded(drawing: &ArmModel, by: Bound, seed: u64) -> ArmModel {
 
 /// What identification is given of such rows.
 pub(crate) fn problem_of(drawing: &ArmModel, by: Bound, identify: Vec<Observation>) -> Problem {
-    let count = |is: Bound| {
-        if by == is {
+    let count = |is: &[Bound]| {
+        if is.contains(&by) {
             (1..=3).collect()
         } else {
             Vec::new()
         }
     };
     Problem {
-        points: count(Bound::Points),
-        planes: count(Bound::Planes),
+        points: count(&[Bound::Points, Bound::Marks, Bound::Sights]),
+        planes: count(&[Bound::Planes]),
         stations: if by == Bound::Bearings { 2 } else { 0 },
         ..problem(drawing, identify)
     }
