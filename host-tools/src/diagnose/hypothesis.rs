@@ -2,6 +2,7 @@
 
 use std::mem::{Discriminant, discriminant};
 
+use nalgebra::Vector3;
 use truepose::JointKind;
 use truepose::effects::{Effect, KINDS, Kind, Needs, Selector, Shape, Wish, Wobble};
 
@@ -280,6 +281,12 @@ pub fn hypotheses(arm: &ArmModel, observations: &[&Observation]) -> Vec<Hypothes
             _ => {}
         }
     }
+    if stands_on_first_axis(arm) {
+        let mut all = families.iter_mut().flatten();
+        if let Some(tilts) = all.find(|h| h.kind == "cross-axis-compliance" && h.joint == Some(0)) {
+            tilts.ln_weight += ROCKS.ln();
+        }
+    }
     families.push(levers(arm));
     if conditions.order {
         families.push(vec![Hypothesis {
@@ -300,6 +307,19 @@ pub fn hypotheses(arm: &ArmModel, observations: &[&Observation]) -> Vec<Hypothes
         }
     }
     families.into_iter().flatten().collect()
+}
+
+/// A first joint that tilts on its base is a base that rocks alike about both of its axes: the same
+/// function, for which engineers say that the base rocks. The joint's share, before its own.
+const ROCKS: f64 = 0.01;
+
+/// Whether the first joint turns about the base's z axis.
+fn stands_on_first_axis(arm: &ArmModel) -> bool {
+    arm.joints.first().is_some_and(|joint| {
+        let turned = |q: f64| joint.transform(q).rotation;
+        let turn = turned(1.0) * turned(0.0).transpose();
+        joint.kind == JointKind::Revolute && (turn * Vector3::z() - Vector3::z()).norm() < 0.01
+    })
 }
 
 /// All joints, orders and components of one kind.
