@@ -10,6 +10,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::curve::{self, Smoothness};
+use crate::identify::product::{across, gradient, gram};
 
 /// Steps of value and order in the search for the likeliest, each pair finer than the last.
 const STEPS: [(f64, f64); 4] = [(4.0, 2.0), (2.0, 1.5), (1.4, 1.2), (1.15, 1.08)];
@@ -32,15 +33,15 @@ impl Evidence {
         freedom: f64,
     ) -> Option<Self> {
         let p = base.ncols();
-        let normal = base.tr_mul(base) + DMatrix::identity(p, p);
+        let normal = gram(base) + DMatrix::identity(p, p);
         let factor = normal.cholesky()?;
-        let mut across = base.tr_mul(extra);
-        factor.l_dirty().solve_lower_triangular_mut(&mut across);
-        let mut along = base.tr_mul(residual);
+        let mut shared = across(base, extra);
+        factor.l_dirty().solve_lower_triangular_mut(&mut shared);
+        let mut along = gradient(base, residual);
         factor.l_dirty().solve_lower_triangular_mut(&mut along);
         Some(Self {
-            gram: extra.tr_mul(extra) - across.tr_mul(&across),
-            with_residual: extra.tr_mul(residual) - across.tr_mul(&along),
+            gram: gram(extra) - gram(&shared),
+            with_residual: gradient(extra, residual) - shared.tr_mul(&along),
             rss: residual.norm_squared() - along.norm_squared(),
             freedom,
         })

@@ -12,6 +12,7 @@ use crate::identify::arm::ArmModel;
 use crate::identify::evaluator::Evaluator;
 use crate::identify::linearize::Linear;
 use crate::identify::observation::{Observation, Sigmas};
+use crate::identify::product::{across, gradient, gram_of};
 
 /// A plausible effect moves the tool by this much, root mean square over the rows, m.
 const PLAUSIBLE: f64 = 2e-3;
@@ -96,15 +97,13 @@ impl Space {
 
     /// Scores of all candidates.
     pub fn scores(&self, columns: &Columns) -> Vec<Score> {
-        let along = self.basis.transpose() * &columns.matrix;
-        let with_residual = columns.matrix.tr_mul(&self.residual);
+        let along = across(&self.basis, &columns.matrix);
+        let with_residual = gradient(&columns.matrix, &self.residual);
         columns
             .groups
             .iter()
             .map(|&(start, len)| {
-                let e = columns.matrix.columns(start, len);
-                let w = along.columns(start, len);
-                let gram = e.tr_mul(&e) - w.tr_mul(&w);
+                let gram = gram_of(&columns.matrix, start, len) - gram_of(&along, start, len);
                 let z = with_residual.rows(start, len).into_owned();
                 let (reduction, directions) = reduction(gram, &z);
                 self.judge(reduction, directions)
@@ -260,8 +259,8 @@ impl Moving {
     /// squared residual; zero where no plausible amplitude of it would show.
     pub fn reductions(&self, values: &DMatrix<f64>) -> Vec<f64> {
         let squares = values.map(|v| v * v);
-        let lengths = squares.tr_mul(&self.rows);
-        let products = values.tr_mul(&self.rows.column(1));
+        let lengths = across(&squares, &self.rows);
+        let products = across(values, &self.rows);
         let along = &self.along * values;
         let n = values.nrows().max(1) as f64;
         (0..values.ncols())
@@ -274,7 +273,7 @@ impl Moving {
                 let moved = lengths[(k, 2)] / n;
                 // what is left of a column that moves the tool by a plausible amount
                 if moved > 1e-24 && left * PLAUSIBLE * PLAUSIBLE / moved > SHOWS * SHOWS {
-                    products[k] * products[k] / left
+                    products[(k, 1)].powi(2) / left
                 } else {
                     0.0
                 }

@@ -28,7 +28,7 @@ pub mod observation;
 pub mod predicted;
 pub mod prior;
 pub mod problem;
-mod product;
+pub(crate) mod product;
 pub mod readings;
 pub mod relation;
 pub mod robust;

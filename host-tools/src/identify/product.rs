@@ -8,11 +8,21 @@ use nalgebra::{DMatrix, DVector};
 use pulp::{Arch, Simd, WithSimd};
 
 /// JᵀJ.
-pub(super) fn gram(j: &DMatrix<f64>) -> DMatrix<f64> {
-    let mut gram = DMatrix::zeros(j.ncols(), j.ncols());
+pub(crate) fn gram(j: &DMatrix<f64>) -> DMatrix<f64> {
+    gram_of(j, 0, j.ncols())
+}
+
+/// The same of `len` columns from `start` on.
+pub(crate) fn gram_of(j: &DMatrix<f64>, start: usize, len: usize) -> DMatrix<f64> {
+    let mut gram = DMatrix::zeros(len, len);
+    let columns = Columns::of(j, start, len);
+    if len == 1 {
+        gram[(0, 0)] = Arch::new().dispatch(SquaredLength(columns.data));
+        return gram;
+    }
     Arch::new().dispatch(Dots::<3> {
-        left: j,
-        right: j,
+        left: columns,
+        right: columns,
         lower: true,
         out: &mut gram,
     });
@@ -21,16 +31,31 @@ pub(super) fn gram(j: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// Jᵀr.
-pub(super) fn gradient(j: &DMatrix<f64>, r: &DVector<f64>) -> DVector<f64> {
+pub(crate) fn gradient(j: &DMatrix<f64>, r: &DVector<f64>) -> DVector<f64> {
     let mut gradient = DMatrix::zeros(j.ncols(), 1);
-    let r = DMatrix::from_column_slice(r.len(), 1, r.as_slice());
     Arch::new().dispatch(Dots::<1> {
-        left: j,
-        right: &r,
+        left: Columns::of(j, 0, j.ncols()),
+        right: Columns {
+            data: r.as_slice(),
+            rows: r.len(),
+            count: 1,
+        },
         lower: false,
         out: &mut gradient,
     });
     gradient.column(0).into_owned()
+}
+
+/// AᵀB.
+pub(crate) fn across(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut out = DMatrix::zeros(a.ncols(), b.ncols());
+    Arch::new().dispatch(Dots::<3> {
+        left: Columns::of(a, 0, a.ncols()),
+        right: Columns::of(b, 0, b.ncols()),
+        lower: false,
+        out: &mut out,
+    });
+    out
 }
 
 /// J U, where U is upper triangular.
@@ -48,10 +73,34 @@ pub(super) fn times_upper(j: &DMatrix<f64>, upper: &DMatrix<f64>) -> DMatrix<f64
 /// sixteen registers hold beside what is added to them.
 const LEFT: usize = 3;
 
+/// Columns of a matrix that follow each other.
+#[derive(Clone, Copy)]
+struct Columns<'a> {
+    data: &'a [f64],
+    rows: usize,
+    count: usize,
+}
+
+impl<'a> Columns<'a> {
+    fn of(matrix: &'a DMatrix<f64>, start: usize, count: usize) -> Self {
+        let rows = matrix.nrows();
+        Self {
+            data: &matrix.as_slice()[start * rows..(start + count) * rows],
+            rows,
+            count,
+        }
+    }
+
+    #[inline(always)]
+    fn column(&self, k: usize) -> &'a [f64] {
+        &self.data[k * self.rows..(k + 1) * self.rows]
+    }
+}
+
 /// Products of each column of `left` with each of `right`, which is `RIGHT` at once.
 struct Dots<'a, const RIGHT: usize> {
-    left: &'a DMatrix<f64>,
-    right: &'a DMatrix<f64>,
+    left: Columns<'a>,
+    right: Columns<'a>,
     /// Only those that are not above the diagonal.
     lower: bool,
     out: &'a mut DMatrix<f64>,
@@ -62,16 +111,16 @@ impl<const RIGHT: usize> WithSimd for Dots<'_, RIGHT> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let (n, others) = (self.left.ncols(), self.right.ncols());
+        let (n, others) = (self.left.count, self.right.count);
         for i in (0..n).step_by(LEFT) {
             // past the last column it is the last again
-            let left = std::array::from_fn(|k| column(self.left, (i + k).min(n - 1)));
+            let left = std::array::from_fn(|k| self.left.column((i + k).min(n - 1)));
             let end = match self.lower {
                 true => others.min(i + LEFT),
                 false => others,
             };
             for j in (0..end).step_by(RIGHT) {
-                let right = std::array::from_fn(|k| column(self.right, (j + k).min(others - 1)));
+                let right = std::array::from_fn(|k| self.right.column((j + k).min(others - 1)));
                 let sums: [[f64; LEFT]; RIGHT] = dots(simd, left, right);
                 for (sums, j) in sums.iter().zip(j..others) {
                     for (sum, i) in sums.iter().zip(i..n) {
@@ -121,6 +170,32 @@ fn dots<S: Simd, const L: usize, const R: usize>(
 fn split<S: Simd, const N: usize>(columns: [&[f64]; N]) -> ([&[S::f64s]; N], [&[f64]; N]) {
     let both = columns.map(S::as_simd_f64s);
     (both.map(|(whole, _)| whole), both.map(|(_, rest)| rest))
+}
+
+/// Sums that are added to in turn: one would wait for its last addition.
+const SUMS: usize = 4;
+
+struct SquaredLength<'a>(&'a [f64]);
+
+impl WithSimd for SquaredLength<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let (whole, rest) = S::as_simd_f64s(self.0);
+        let mut sums = [simd.splat_f64s(0.0); SUMS];
+        sums[0] = {
+            let rest = simd.partial_load_f64s(rest);
+            simd.mul_f64s(rest, rest)
+        };
+        for several in whole.chunks(SUMS) {
+            for (sum, x) in sums.iter_mut().zip(several) {
+                *sum = simd.mul_add_e_f64s(*x, *x, *sum);
+            }
+        }
+        let [a, b, c, d] = sums;
+        simd.reduce_sum_f64s(simd.add_f64s(simd.add_f64s(a, b), simd.add_f64s(c, d)))
+    }
 }
 
 struct TimesUpper<'a> {
@@ -228,6 +303,15 @@ mod tests {
                 assert!(off.fold(0.0, f64::max) < 1e-13, "{m} by {n}");
             };
             near(gram(&j).as_slice(), (j.transpose() * &j).as_slice());
+            near(
+                across(&upper, &upper).as_slice(),
+                (upper.transpose() * &upper).as_slice(),
+            );
+            let other = random(m, 5);
+            near(
+                across(&j, &other).as_slice(),
+                (j.transpose() * &other).as_slice(),
+            );
             near(gradient(&j, &r).as_slice(), (j.transpose() * &r).as_slice());
             near(times_upper(&j, &upper).as_slice(), (&j * &upper).as_slice());
         }

@@ -23,6 +23,7 @@ pub use noise::{Component, Noise};
 use super::chance::{ln_best_of, ln_chi_square};
 use crate::identify::arm::ArmModel;
 use crate::identify::observation::{Observation, Sigmas};
+use crate::identify::product::across;
 use crate::identify::unknown::Unknown;
 use noise::noise;
 use projected::Projected;
@@ -199,9 +200,11 @@ fn scores(projected: &Projected, design: &Design, drawn: &DMatrix<f64>) -> Vec<G
     let freedom = projected.freedom() as f64;
     let deviation = |square: f64| (square / freedom).sqrt().max(f64::MIN_POSITIVE);
     let score = free.tr_mul(&projected.residual) / deviation(projected.residual.norm_squared());
-    let mut of_draws = free.tr_mul(drawn);
-    for (mut scores, draw) in of_draws.column_iter_mut().zip(drawn.column_iter()) {
-        let taken = projected.basis.tr_mul(&draw).norm_squared();
+    let mut of_draws = across(&free, drawn);
+    let taken = across(&projected.basis, drawn);
+    let each = drawn.column_iter().zip(taken.column_iter());
+    for (mut scores, (draw, taken)) in of_draws.column_iter_mut().zip(each) {
+        let taken = taken.norm_squared();
         scores.unscale_mut(deviation(draw.norm_squared() - taken));
     }
     let mut subjects: Vec<Subject> = Vec::new();

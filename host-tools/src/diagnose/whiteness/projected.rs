@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use crate::identify::arm::ArmModel;
 use crate::identify::linearize::linearize;
 use crate::identify::observation::{Observation, Sigmas};
+use crate::identify::product::across;
 use crate::identify::unknown::Unknown;
 
 /// A whitened residual on the orthogonal complement of what was fitted.
@@ -157,7 +158,7 @@ impl Projected {
 
     /// The part of every column that the fit cannot take up.
     pub(crate) fn complement(&self, columns: DMatrix<f64>) -> DMatrix<f64> {
-        let taken = &self.basis * self.basis.tr_mul(&columns);
+        let taken = &self.basis * across(&self.basis, &columns);
         columns - taken
     }
 }
