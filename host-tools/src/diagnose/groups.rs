@@ -152,12 +152,9 @@ fn standing(model: &Extended, index: usize) -> Vec<bool> {
             let own = (0..n).filter(|&k| values[k].0 == m);
             let t = own.map(|k| {
                 let known = c[(k, k)] > rounding[k];
-                let t = if known {
-                    x[k].abs() / c[(k, k)].sqrt()
-                } else {
-                    0.0
-                };
-                let fits = within(kind, values[k].1, x[k]);
+                let sigma = if known { c[(k, k)].sqrt() } else { 0.0 };
+                let t = if known { x[k].abs() / sigma } else { 0.0 };
+                let fits = within(kind, values[k].1, x[k], sigma);
                 if fits { t } else { t.min(0.1) }
             });
             t.fold(0.0, f64::max)

@@ -4,8 +4,12 @@ use super::hypothesis::Members;
 use super::model::Extended;
 use crate::identify::unknown::{Unknown, largest};
 
+/// Bounds are round figures: a value that is known to `sigma` may be above by three times that, and
+/// by this share at most.
+const ROUND: f64 = 0.2;
+
 /// Whether a value is one that a machine can have; `unit` in SI.
-pub(super) fn within(kind: &str, unit: &str, value: f64) -> bool {
+pub(super) fn within(kind: &str, unit: &str, value: f64, sigma: f64) -> bool {
     let bound = match kind {
         // of high order; lower ones are eccentricity
         "gear-ripple" => 2e-3,
@@ -16,7 +20,8 @@ pub(super) fn within(kind: &str, unit: &str, value: f64) -> bool {
         "step-change" | "warm-up" => 2.0 * largest(unit),
         _ => largest(unit),
     };
-    value.abs() < bound
+    let slack = (3.0 * sigma).min(ROUND * bound);
+    value.abs() - slack < bound
 }
 
 /// Whether the fitted sizes are ones that a machine can have.
@@ -29,7 +34,7 @@ pub(super) fn sensible(model: &Extended, index: usize) -> bool {
         return true;
     }
     if effects.is_empty() {
-        return within("early-reading", "rad", model.arm.early_reading);
+        return within("early-reading", "rad", model.arm.early_reading, 0.0);
     }
     let zero = |v: &f64| v.abs() < f64::MIN_POSITIVE;
     if effects.iter().all(|e| e.model().values().iter().all(zero)) {
@@ -57,7 +62,7 @@ pub(super) fn sensible(model: &Extended, index: usize) -> bool {
                         value,
                     })
                     .unwrap_or(0.0);
-                within(hypothesis.kind, unit, *v) && !(stiff && *v < -3.0 * sigma)
+                within(hypothesis.kind, unit, *v, sigma) && !(stiff && *v < -3.0 * sigma)
             })
     });
     if effects.len() > 1 {
