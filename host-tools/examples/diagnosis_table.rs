@@ -149,7 +149,20 @@ struct Run {
     /// Verify rms: geometry alone, complete, the same rows without the effect (geometry), a
     /// fit that is told what is hidden.
     rms: [f64; 4],
+    /// Chance that all its names are right, by the odds against the rivals of each.
+    credence: f64,
     remark: String,
+}
+
+/// Chance that a name is right if one of its rivals or itself is: likelihoods by BIC, each times the
+/// candidate's share.
+fn credence(named: &Named) -> f64 {
+    let own = named.step.hypothesis.ln_weight;
+    let odds = named
+        .rivals
+        .iter()
+        .map(|r| (r.hypothesis.ln_weight - own - 0.5 * r.delta_bic).exp());
+    1.0 / (1.0 + odds.sum::<f64>())
 }
 
 fn same(hypothesis: &Hypothesis, hidden: Hidden) -> bool {
@@ -334,6 +347,7 @@ fn judged(diagnosis: &Diagnosis, hidden: &[Hidden], rms: [f64; 4], seed: u64) ->
         blamed: false,
         answer: Some(diagnosis.answer()),
         rms,
+        credence: named.iter().map(credence).product(),
         remark: String::new(),
     };
     let [geometric, complete, floor, told] = rms.map(|x| x * 1e3);
@@ -412,11 +426,12 @@ fn line(scenario: &Scenario, runs: &[Run]) -> String {
     };
     let remains = |r: &Run| r.answer == Some(Answer::StructureRemains);
     format!(
-        "| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {:.3} / {:.3} | {:.3} / {:.3} | {:.3} | {removed} |",
+        "| {} | {} | {} | {} | {:.0} | {} | {} | {} | {} | {} | {} | {} | {:.3} / {:.3} | {:.3} / {:.3} | {:.3} | {removed} |",
         scenario.name,
         runs.len(),
         count(&|r| r.first),
         count(&|r| r.named == r.hidden),
+        runs.iter().map(|r| r.credence).sum::<f64>(),
         count(&|r| r.listed == r.hidden),
         count(&|r| r.further > 0),
         count(&|r| r.unnamed),
@@ -450,12 +465,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         None => 0,
     };
     println!(
-        "| line | runs | first | all named | all listed | further name | unnamed | table blamed | \
+        "| line | runs | first | all named | by its odds | all listed | further name | unnamed | table blamed | \
          structure remains | ambiguous | name without it | final / floor: median / 95 % | \
          final / told: median / 95 % | \
          worst final / geometry | excess removed |"
     );
-    println!("|{}", " --- |".repeat(15));
+    println!("|{}", " --- |".repeat(16));
     for name in lines.split(',') {
         let scenario = Scenario::named(name).ok_or_else(|| format!("no line {name}"))?;
         let runs: Vec<Option<Run>> = (first..first + seeds)

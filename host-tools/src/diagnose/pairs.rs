@@ -5,21 +5,24 @@
 //! two together then explain more than it does, but neither comes in while it is there.
 
 use nalgebra::DMatrix;
+use truepose::effects::{Effect, Variable};
 
+use super::addition::drifts;
 use super::exchange::EVIDENT;
-use super::hypothesis::Hypothesis;
+use super::hypothesis::{Hypothesis, Members};
 use super::model::Extended;
 use super::refine::refined;
 use super::search::{ALPHA, Search, is_same_name};
 use super::sensible::sensible;
 use super::space::{Columns, SHOWS, Score, Space, columns};
+use super::unnamed::variables;
 
 /// First members of pairs that are tried.
 const FIRSTS: usize = 12;
 
 impl Search<'_> {
-    /// The model with one effect exchanged for the two that explain evidently more and predict
-    /// held-back rows better; `None` where there is no such pair. Beside curves, which give way
+    /// The model with one effect, or one slow term without a name, exchanged for the two that explain
+    /// evidently more and predict held-back rows better; `None` where there is no such pair. Beside curves, which give way
     /// to whatever comes, scores of pairs say nothing.
     pub(super) fn pair_instead(&self, model: &Extended) -> Option<Extended> {
         if !model.arm.curves.is_empty() {
@@ -27,13 +30,17 @@ impl Search<'_> {
         }
         (0..model.accepted.len()).find_map(|index| {
             let own = &model.accepted[index];
-            if own.kind == "unnamed" {
+            let slow = is_slow(own);
+            if own.kind == "unnamed" && !slow {
                 return None;
             }
             let mut others = model.accepted.clone();
             others.remove(index);
             let without = self.fit(&model.arm, others).ok()?;
             let pair = self.best_pair(&without, own)?;
+            if slow && !pair.iter().all(drifts) {
+                return None;
+            }
             if !self.predicts_more(&without, &[&pair[0], &pair[1]], &[own]) {
                 return None;
             }
@@ -95,6 +102,16 @@ impl Search<'_> {
         let score = beside.scores(&beyond.select(&[first]))[0];
         passes(&score, first).then(|| [candidates[first].clone(), candidates[second].clone()])
     }
+}
+
+/// A term without a name that goes by the time and temperatures alone: two drifts look like that.
+fn is_slow(hypothesis: &Hypothesis) -> bool {
+    let clock = |v: &Variable| matches!(v, Variable::Time | Variable::Temperature(_));
+    let slow = |e: &Effect<'static, f64>| match e {
+        Effect::Unnamed(term) => variables(term).iter().all(clock),
+        _ => false,
+    };
+    matches!(&hypothesis.members, Members::Effects(effects) if effects.iter().all(slow))
 }
 
 impl Space {
