@@ -56,12 +56,16 @@ fn wrong_rows_leave_the_errors_of_the_others_alone() {
     }
 }
 
-/// More than a tenth, of which none would stand above the worst tenth, and less than a fifth.
+/// More than a tenth, of which none would stand above the worst tenth, and at most a quarter: none of them
+/// stays.
 #[test]
 fn wrong_rows_may_be_many() {
     let mut many = 0;
-    for seed in 0..6 {
-        let (cell, measured) = measured(seed, 0.12, 1e-4);
+    for (share, seed) in [0.12, 0.2]
+        .into_iter()
+        .flat_map(|s| (0..6).map(move |seed| (s, seed)))
+    {
+        let (cell, measured) = measured(seed, share, 1e-4);
         let found = identify_file(&cell.robot(), &measured.dataset(), Vec::new()).unwrap();
         let diagnosis = diagnose(found, &|_| {}).unwrap();
         let rejected = &diagnosis.identified.calibration.rejected;
@@ -72,12 +76,46 @@ fn wrong_rows_may_be_many() {
             .iter()
             .filter(|&row| !rejected.contains(row))
             .collect();
-        let few = those.len() * 5 < fitted.len();
-        assert!(!few || missed.is_empty(), "{seed}: {missed:?} of {those:?}");
-        assert!(rejected.iter().all(wrong), "{seed}: {rejected:?}");
+        let few = those.len() * 4 <= fitted.len();
+        println!(
+            "{share} {seed}: {} of {} missed {missed:?}",
+            those.len(),
+            fitted.len()
+        );
+        assert!(
+            !few || missed.is_empty(),
+            "{share} {seed}: {missed:?} of {those:?}"
+        );
+        assert!(rejected.iter().all(wrong), "{share} {seed}: {rejected:?}");
         many += usize::from(few && those.len() * 10 > fitted.len());
     }
-    assert!(many > 2, "{many} of them had more than a tenth");
+    assert!(many > 6, "{many} of them had more than a tenth");
+}
+
+/// Every fourth row carries a load that bends the arm: such rows are not wrong.
+#[test]
+fn loaded_rows_are_not_gross() {
+    let conditions = Conditions::rich();
+    let empty = Cell::new(Arm::Ur10, 5);
+    let mut visits = empty.schedule(&conditions, 150, 0);
+    for (i, visit) in visits.iter_mut().enumerate() {
+        // scattered, not in step with the blocks of rows
+        visit.payload = if (i * i + i / 3) % 4 == 1 { 10.0 } else { 0.0 };
+    }
+    let cell = empty.with(Hidden::JointCompliance { joint: Some(1) }, 2e-5);
+    let data = cell
+        .measure(&visits, &conditions, &Instrument::new(Seen::Position), 0)
+        .dataset();
+    let found = identify_file(&cell.robot(), &data, Vec::new()).unwrap();
+    let diagnosis = diagnose(found, &|_| {}).unwrap();
+    let rejected = &diagnosis.identified.calibration.rejected;
+    assert!(rejected.is_empty(), "{rejected:?}");
+    assert!(
+        diagnosis
+            .named
+            .iter()
+            .any(|n| n.step.hypothesis.kind == "joint-compliance")
+    );
 }
 
 #[test]

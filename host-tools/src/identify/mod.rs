@@ -45,7 +45,7 @@ use arm::ArmModel;
 use cross_validated::Sizes;
 use factor::Dropped;
 pub use failure::{Failure, ROWS_A_SESSION};
-use gross::{gross, gross_unseen, may_hide, softened};
+use gross::{gross, gross_unseen, may_hide, median, softened};
 use kalman::Innovations;
 use method::{Fitted, Loss, Method, Task};
 use observation::Observation;
@@ -294,8 +294,11 @@ impl Fits<'_> {
     }
 }
 
-/// Fits with weights before gross rows are looked for: the weights have settled by then.
-const SOFT_FITS: usize = 4;
+/// Fits with weights before gross rows are looked for, at most.
+const SOFT_FITS: usize = 20;
+
+/// The weights have settled where the median row's misfit falls by no more than this.
+const SETTLED: f64 = 0.95;
 
 /// Identifies the arm's geometry, and the problem's effects with it.
 pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
@@ -340,8 +343,12 @@ pub fn identify(problem: &Problem) -> Result<Calibration, Failure> {
                 let soft = softened(&shows, &all, problem.sigmas);
                 let soft: Vec<&Observation> = soft.iter().collect();
                 fits.fit(&mut shows, &candidates, &soft);
+                let before = median(&misfits);
+                misfits = misfit(&shows, &all, problem.sigmas);
+                if median(&misfits) > SETTLED * before {
+                    break;
+                }
             }
-            misfits = misfit(&shows, &all, problem.sigmas);
         }
         for _ in 0..5 {
             let worst = gross(&shows, &all, problem.sigmas, &misfits);
