@@ -7,10 +7,14 @@ use std::path::Path;
 use nalgebra::{Matrix3, Vector3};
 use serde_json::Value;
 use truepose::Pose;
+use truepose_host::diagnose::input::{Finding, Kind, check};
 use truepose_host::identify::align::best_fit;
 use truepose_host::identify::arm::ArmModel;
 use truepose_host::identify::evaluator::Evaluator;
+use truepose_host::identify::identify;
 use truepose_host::identify::observation::Sigmas;
+use truepose_host::identify::problem::{Joints, Problem};
+use truepose_host::measurement::{Expected, Purpose, read};
 use truepose_host::random::Random;
 
 use crate::support::{folder, names, robot, said, truepose};
@@ -273,6 +277,97 @@ fn every_command_takes_a_board() {
         let said = run(&folder, &[&plan[..], more].concat(), 2);
         assert!(said.contains("d.csv") && said.contains("in view"), "{said}");
         assert!(!names(&folder).contains(&"more.csv".to_owned()));
+    }
+}
+
+/// Writes the table of a board's poses with `change` done to their cells.
+fn changed(folder: &Path, seed: u64, rows: usize, change: &dyn Fn(usize, &mut Vec<f64>)) {
+    let truth = built(folder, seed);
+    let table = boards(&views(&truth, rows, seed), 1.0, seed);
+    let mut lines = table.lines();
+    let mut csv = format!("{}\n", lines.next().unwrap());
+    let rows = lines.map(|line| line.split(',').map(|x| x.parse().unwrap()).collect());
+    let mut rows: Vec<Vec<f64>> = rows.collect();
+    rows.iter_mut()
+        .enumerate()
+        .for_each(|(i, row)| change(i, row));
+    rows.iter().for_each(|row| csv += &(joined(row) + "\n"));
+    fs::write(folder.join("d.csv"), csv).unwrap();
+    fs::write(folder.join("d.toml"), SIDECAR).unwrap();
+}
+
+/// What the check of the input says of such a table.
+fn suspected(folder: &Path, change: &dyn Fn(usize, &mut Vec<f64>)) -> Vec<Finding> {
+    changed(folder, 4, 60, change);
+    let robot = robot(folder);
+    let data = read(&folder.join("d.csv"), &Expected::of(&robot), Purpose::Fit).unwrap();
+    let problem = Problem::new(&robot, &data, Joints::Readings, Vec::new());
+    let fitted = identify(&problem).ok();
+    check(
+        &problem,
+        &data,
+        &robot,
+        fitted.as_ref().map(|f| &f.geometric),
+    )
+}
+
+fn seen(row: &[f64]) -> Pose<f64> {
+    let at = Vector3::new(row[6], row[7], row[8]) * 1e-3;
+    Pose::from_quaternion([row[9], row[10], row[11], row[12]], at).unwrap()
+}
+
+fn write(row: &mut [f64], pose: &Pose<f64>) {
+    row[6..9].copy_from_slice((pose.translation * 1e3).as_slice());
+    row[9..].copy_from_slice(&pose.quaternion());
+}
+
+#[test]
+fn poses_of_a_board_that_are_written_wrongly_are_found() {
+    let folder = folder("camera-input");
+    assert_eq!(suspected(&folder, &|_, _| {}), []);
+    type Change<'a> = &'a dyn Fn(usize, &mut Vec<f64>);
+    let faults: [(Change<'_>, Kind, &str); 6] = [
+        // the camera in the board's frame
+        (
+            &|_, row| {
+                let camera = seen(row).inverse();
+                write(row, &camera);
+            },
+            Kind::RotationConvention,
+            "of the camera in the board's frame",
+        ),
+        (
+            &|_, row| row[10..].iter_mut().for_each(|x| *x = -*x),
+            Kind::RotationConvention,
+            "of the inverse rotation",
+        ),
+        (
+            &|_, row| row[9..].rotate_left(1),
+            Kind::RotationConvention,
+            "in the order x y z w",
+        ),
+        (
+            &|_, row| row[6..9].iter_mut().for_each(|x| *x *= 10.0),
+            Kind::WrongUnit,
+            "seen_x, seen_y, seen_z in another unit",
+        ),
+        (&|_, row| row[2] = -row[2], Kind::WrongSign, "q3 counts"),
+        (&|_, row| row.swap(1, 2), Kind::ExchangedJoints, "q2 and q3"),
+    ];
+    for (change, kind, says) in faults {
+        let found = suspected(&folder, change);
+        let kinds: Vec<Kind> = found.iter().map(|f| f.kind).collect();
+        assert_eq!(kinds, [kind], "{says}: {found:#?}");
+        assert!(found[0].saw.contains(says), "{says}: {found:#?}");
+    }
+    // where no fit settles the command says why
+    changed(&folder, 8, 100, faults[0].0);
+    for command in ["identify", "diagnose"] {
+        let inputs = [command, "--robot", "robot.toml", "--data", "d.csv"];
+        let out = run(&folder, &[&inputs[..], &["--out", "p.tpb"]].concat(), 2);
+        for says in ["d.csv: seen_x, seen_y", "write their inverses"] {
+            assert!(out.contains(says), "{says}: {out}");
+        }
     }
 }
 

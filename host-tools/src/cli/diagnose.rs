@@ -71,7 +71,8 @@ pub(super) fn diagnosed(
         wish,
         ..Task::default()
     };
-    let identified = identify_file_as(robot, data, task).map_err(explain)?;
+    let identified = identify_file_as(robot, data, task)
+        .map_err(|failure| input::explain(&failure, robot, data, file))?;
     let findings = input::check(
         &identified.problem,
         data,

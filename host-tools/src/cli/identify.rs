@@ -4,6 +4,7 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 use truepose_host::description::Robot;
+use truepose_host::diagnose::input;
 use truepose_host::error::Error;
 use truepose_host::identify::bootstrap::bootstrap;
 use truepose_host::identify::method::{Estimator, Loss, Method};
@@ -145,7 +146,8 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Error> {
         wish: options.chosen.wish(),
         method,
     };
-    let identified = identify_file_as(&robot, &data, task).map_err(explain)?;
+    let identified = identify_file_as(&robot, &data, task)
+        .map_err(|failure| input::explain(&failure, &robot, &data, data_file))?;
     let mut report = Report::new(&robot.name, &data, &identified).map_err(explain)?;
     if let Some(draws) = options.bootstrap {
         let calibration = &identified.calibration;

@@ -10,13 +10,13 @@ use crate::identify::observation::Observation;
 use crate::identify::problem::Problem;
 
 /// A fault makes the misfit this many times what it is without.
-const FACTOR: f64 = 4.0;
+pub(super) const FACTOR: f64 = 4.0;
 /// Without the fault the arm fits within this share of its reach.
-const PLAUSIBLE: f64 = 0.03;
+pub(super) const PLAUSIBLE: f64 = 0.03;
 /// Rows looked at.
 const ROWS: usize = 80;
 /// Rows needed for a judgement.
-const LEAST_ROWS: usize = 12;
+pub(super) const LEAST_ROWS: usize = 12;
 /// Faults that one table may have at once.
 const FAULTS: usize = 3;
 
@@ -137,11 +137,12 @@ impl Table<'_> {
 }
 
 /// Looks for faults of whole columns; returns the placing of the table as it is. `None` where
-/// positions are too few to tell anything.
+/// positions are too few to tell anything. `prefix`: of the names of measured columns.
 pub(super) fn check(
     problem: &Problem,
     all: &[&Observation],
     robot: &Robot,
+    prefix: &str,
     findings: &mut Vec<Finding>,
 ) -> Option<Placing> {
     let mut rows: Vec<&Observation> = problem.identify.iter().collect();
@@ -173,7 +174,7 @@ pub(super) fn check(
             let without = table
                 .place(&others, stride)
                 .unwrap_or_else(|| as_is.clone());
-            findings.push(describe(*fault, without.misfit(), best.misfit()));
+            findings.push(describe(*fault, prefix, without.misfit(), best.misfit()));
         }
     }
     if right && best.reading != Reading::AsWritten {
@@ -231,7 +232,8 @@ fn search(table: &Table<'_>, as_is: &Placing, stride: usize) -> (Vec<Fault>, Pla
     (faults, best)
 }
 
-fn describe(fault: Fault, before: f64, after: f64) -> Finding {
+fn describe(fault: Fault, prefix: &str, before: f64, after: f64) -> Finding {
+    let xyz = || ["x", "y", "z"].map(|axis| format!("{prefix}{axis}"));
     let q = |j: usize| format!("q{}", j + 1);
     let (kind, columns, what, advice) = match fault {
         Fault::Sign(j) => (
@@ -270,8 +272,8 @@ fn describe(fault: Fault, before: f64, after: f64) -> Finding {
         ),
         Fault::PointUnit(axis, factor) => {
             let names: Vec<String> = match axis {
-                Some(axis) => vec![["x", "y", "z"][axis].to_owned()],
-                None => ["x", "y", "z"].map(str::to_owned).to_vec(),
+                Some(axis) => vec![xyz()[axis].clone()],
+                None => xyz().to_vec(),
             };
             (
                 Kind::WrongUnit,
@@ -285,7 +287,7 @@ fn describe(fault: Fault, before: f64, after: f64) -> Finding {
         }
         Fault::Mirrored => (
             Kind::MirroredFrame,
-            ["x", "y", "z"].map(str::to_owned).to_vec(),
+            xyz().to_vec(),
             "positions are in a left-handed frame".to_owned(),
             "exchange two of x, y, z, or change the sign of one".to_owned(),
         ),

@@ -5,15 +5,19 @@
 //! makes a finding. Tables of lengths are checked for duplicates only: six unknowns placed by
 //! one number a row fit too many wrong tables too well.
 
+mod boards;
 mod columns;
 mod moves;
 mod placing;
 mod rows;
 
+use std::path::Path;
+
 use crate::description::Robot;
-use crate::identify::Stage;
+use crate::error::{Error, Place};
 use crate::identify::observation::Observation;
-use crate::identify::problem::Problem;
+use crate::identify::problem::{Joints, Problem};
+use crate::identify::{Failure, Stage};
 use crate::measurement::Dataset;
 
 /// What is wrong with an input.
@@ -74,15 +78,55 @@ pub fn check(
     robot: &Robot,
     stage: Option<&Stage>,
 ) -> Vec<Finding> {
-    let mut all: Vec<&Observation> = problem.identify.iter().chain(&problem.verify).collect();
+    if !data.has_board() {
+        return check_posed(problem, data, robot, stage, problem);
+    }
+    if let Some(finding) = boards::check(problem, robot) {
+        return vec![finding];
+    }
+    let of_tool = |rows: &[Observation]| rows.iter().map(boards::of_tool).collect();
+    let posed = Problem {
+        identify: of_tool(&problem.identify),
+        verify: of_tool(&problem.verify),
+        ..problem.clone()
+    };
+    check_posed(problem, data, robot, stage, &posed)
+}
+
+/// Why no fit settled, by what the check says of the table: as an error of `file`.
+pub fn explain(failure: &Failure, robot: &Robot, data: &Dataset, file: &Path) -> Error {
+    if matches!(failure, Failure::NotAligned | Failure::NotConverged(_)) {
+        let problem = Problem::new(robot, data, Joints::Readings, Vec::new());
+        if let Some(finding) = check(&problem, data, robot, None).first() {
+            let place = match finding.columns.as_slice() {
+                [] => Place::file(file),
+                columns => Place::file(file).column(&columns.join(", ")),
+            };
+            let expected = "rows that a fit settles on";
+            return place.bad(&finding.saw, expected, &finding.advice);
+        }
+    }
+    failure.explain(file)
+}
+
+/// `posed`: the problem with its rows as poses of the tool, where they are.
+fn check_posed(
+    problem: &Problem,
+    data: &Dataset,
+    robot: &Robot,
+    stage: Option<&Stage>,
+    posed: &Problem,
+) -> Vec<Finding> {
+    let mut all: Vec<&Observation> = posed.identify.iter().chain(&posed.verify).collect();
     all.sort_by_key(|o| o.row);
     let (mut findings, known) = rows::duplicates(&all);
-    let Some(placed) = columns::check(problem, &all, robot, &mut findings) else {
+    let prefix = if data.has_board() { "seen_" } else { "" };
+    let Some(placed) = columns::check(posed, &all, robot, prefix, &mut findings) else {
         return findings;
     };
     let columns_are_right = findings.iter().all(|f| f.kind == Kind::DuplicatedRows);
     let arm = stage.filter(|_| columns_are_right).map(|s| &s.arm);
-    rows::check(problem, &all, &placed, arm, &known, &mut findings);
+    rows::check(posed, &all, &placed, arm, &known, &mut findings);
     let rows_are_right = findings
         .iter()
         .all(|f| matches!(f.kind, Kind::DuplicatedRows | Kind::SwappedRows));

@@ -62,14 +62,15 @@ pub(super) enum Reading {
 }
 
 impl Reading {
-    const ALL: [Self; 4] = [
+    pub(super) const ALL: [Self; 4] = [
         Self::AsWritten,
         Self::Inverse,
         Self::ScalarLast,
         Self::ScalarLastInverse,
     ];
 
-    fn of(self, written: &Matrix3<f64>) -> Matrix3<f64> {
+    /// The rotation that is meant.
+    pub(super) fn of(self, written: &Matrix3<f64>) -> Matrix3<f64> {
         let reordered = || {
             let [a, b, c, d] = Pose::new(*written, Vector3::zeros()).quaternion();
             Pose::from_quaternion([d, a, b, c], Vector3::zeros()).map_or(*written, |p| p.rotation)
