@@ -17,7 +17,7 @@ use truepose_host::identify::problem::{Joints, Problem};
 use truepose_host::measurement::{Expected, Purpose, read};
 use truepose_host::random::Random;
 
-use crate::support::{folder, names, robot, said, truepose};
+use crate::support::{ROBOT, folder, names, robot, said, truepose};
 
 const LIMITS: [f64; 6] = [165.0, 110.0, 70.0, 160.0, 120.0, 180.0];
 /// Noise of a board's pose, m and rad an axis.
@@ -155,6 +155,64 @@ fn a_board_without_noise_gives_the_arm() {
         let off = found.twist_to(camera);
         assert!(off.linear.norm() < 1e-9, "{} m", off.linear.norm());
         assert!(off.angular.norm() < 1e-9, "{} rad", off.angular.norm());
+    }
+}
+
+#[test]
+fn the_camera_may_sit_anywhere_and_see_more_than_the_board() {
+    let folder = folder("camera-anywhere");
+    let truth = built(&folder, 1);
+    let views = views(&truth, 60, 1);
+    fs::write(folder.join("d.toml"), SIDECAR).unwrap();
+    let board = boards(&views, 0.0, 1);
+    let pixels = pixels(&views, 0.0, 1);
+    let place = "xyz_mm = [0.0, 10.0, 120.0]";
+    for elsewhere in ["[250.0, -200.0, 0.0]", "[-300.0, 300.0, 300.0]"] {
+        let file = folder.join("robot.toml");
+        let drawn = ROBOT.replace(place, &format!("xyz_mm = {elsewhere}"));
+        assert_ne!(drawn, ROBOT);
+        fs::write(&file, drawn).unwrap();
+        fs::write(folder.join("d.csv"), &board).unwrap();
+        reported(&folder, "identify");
+        for (found, (_, camera)) in predicted(&folder).iter().zip(&views) {
+            assert!(found.twist_to(camera).linear.norm() < 1e-9, "{elsewhere}");
+        }
+        fs::write(folder.join("d.csv"), &pixels).unwrap();
+        reported(&folder, "identify");
+        let [far, _, turned] = off(&predicted(&folder), &views);
+        assert!(far < 1e-8 && turned < 1e-8, "{far} m, {turned} rad");
+    }
+    // The board, and the bearing of a second point in its frame. Both are in the tool's axes,
+    // and a bearing's look ahead along x.
+    let turned: Vec<(Vec<f64>, Pose<f64>)> = views
+        .iter()
+        .map(|(q, camera)| (q.clone(), camera.then(&ahead())))
+        .collect();
+    let board = boards(&turned, 0.0, 1);
+    let second = |line: &str| {
+        line.split(',')
+            .skip(8)
+            .take(2)
+            .collect::<Vec<_>>()
+            .join(",")
+    };
+    let both = board.lines().zip(pixels.lines());
+    let both: String = both.map(|(b, p)| format!("{b},{}\n", second(p))).collect();
+    fs::write(folder.join("d.csv"), both).unwrap();
+    let (report, out) = reported(&folder, "identify");
+    assert_eq!(identified(&report), 33, "{out}");
+    assert!(out.contains("point 1 here is point 2 of the file"), "{out}");
+    for (axis, should) in ["x", "y", "z"].iter().zip(POINTS[1]) {
+        let name = format!("point 1 {axis}");
+        let parameters = report["parameters"].as_array().unwrap();
+        let found = parameters
+            .iter()
+            .find(|p| p["name"] == name.as_str())
+            .unwrap();
+        assert!(
+            (found["value"].as_f64().unwrap() - should).abs() < 1e-9,
+            "{found}"
+        );
     }
 }
 

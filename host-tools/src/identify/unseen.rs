@@ -87,10 +87,15 @@ impl Shown {
                 .filter(length)
                 .max_by(|a, b| a.value(arm).abs().total_cmp(&b.value(arm).abs()));
             if let Some(&unknown) = longest {
-                let why = "touches and bearings show the arm's proportions and not its size: \
-                           its longest length is taken from the drawing; measure one distance \
-                           to find it";
-                never.push((unknown, why.to_owned()));
+                let more = match self.view {
+                    true => "see a board's pose or a point's position once",
+                    false => "measure one distance",
+                };
+                let why = format!(
+                    "touches and bearings show the arm's proportions and not its size: its \
+                     longest length is taken from the drawing; {more} to find it"
+                );
+                never.push((unknown, why));
             }
         }
         never
