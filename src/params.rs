@@ -4,20 +4,24 @@
 //! controller reads with [`decode`] or [`decode_into`], whoever does not know the number of
 //! joints beforehand reads with [`Blob::decode`].
 
+mod baked;
 mod body;
 mod check;
+mod described;
 mod error;
 mod load;
+mod write;
 
 use heapless::{String, Vec};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::chain::{BakedJoint, Gauge, LinkMass, bake};
-use crate::effects::{self, Effect};
+use crate::effects::Effect;
 use crate::model::{BakedChain, MAX_EFFECTS, Model};
 use crate::taught::Taught;
 use crate::{Joint, Pose, Scalar, Settings, StoredPose};
+use baked::Baked;
 
 pub use error::BlobError;
 pub(crate) use load::Load;
@@ -25,14 +29,11 @@ pub(crate) use load::Load;
 /// Joints that a blob can hold.
 pub const MAX_JOINTS: usize = 12;
 
-/// The newest layout that this version reads. It writes the oldest that holds what there is.
-pub const LAYOUT: u16 = 2;
+/// The layout that this version writes, the newest that it reads.
+pub const LAYOUT: u16 = 3;
 
-/// The oldest layout that it reads.
-pub const OLDEST_LAYOUT: u16 = WITHOUT_TABLES;
-
-/// The layout without tables.
-const WITHOUT_TABLES: u16 = 1;
+/// The oldest layout that it reads: a controller bakes no more, which those before were for.
+pub const OLDEST_LAYOUT: u16 = LAYOUT;
 
 /// First four bytes of every blob.
 pub const MAGIC: [u8; 4] = *b"TPB\0";
@@ -99,9 +100,9 @@ pub struct Provenance {
     pub rms_after: f64,
 }
 
-/// What a blob says, in the form that it is stored in. `'a`: the bytes, in which tables are
-/// read in place.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// What a blob says, without what is baked of it. `'a`: the bytes, in which tables are read in
+/// place.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Blob<'a> {
     /// Name of the robot.
     pub robot: String<NAME>,
@@ -116,14 +117,12 @@ pub struct Blob<'a> {
     /// Acceleration of gravity in the base frame, m/s^2.
     pub gravity: [f64; 3],
     /// What the rigid chain lacks.
-    #[serde(borrow)]
     pub effects: Vec<Effect<'a, f64>, MAX_EFFECTS>,
     /// How to compensate.
     pub settings: Settings<f64>,
     /// Where all this comes from.
     pub provenance: Provenance,
-    /// Corrections from tables; behind the rest in the body, from layout 2 on.
-    #[serde(skip)]
+    /// Corrections from tables.
     pub taught: Taught<'a, f64>,
 }
 
@@ -155,8 +154,13 @@ impl Description {
             base,
             joints,
             tool,
-            gravity: Pose::from(&self.base).rotation * Vector3::from(gravity),
+            gravity: self.in_world(gravity),
         })
+    }
+
+    /// Gravity in the world.
+    fn in_world(&self, gravity: [f64; 3]) -> Vector3<f64> {
+        Pose::from(&self.base).rotation * Vector3::from(gravity)
     }
 
     /// Lengths of all links and the tool added up, m: how far the arm can reach at most with
@@ -179,37 +183,20 @@ impl<'a> Blob<'a> {
         self.nominal.joints.len()
     }
 
-    /// The layout that it is written in.
-    pub fn layout(&self) -> u16 {
-        if self.taught.is_empty() {
-            WITHOUT_TABLES
-        } else {
-            LAYOUT
-        }
-    }
-
     /// Writes header and body into `buffer` and returns the bytes used. Refuses what
     /// [`Blob::decode`] would refuse.
     pub fn encode<'b>(&self, buffer: &'b mut [u8]) -> Result<&'b [u8], BlobError> {
         let (header, body) = buffer
             .split_at_mut_checked(HEADER)
             .ok_or(BlobError::BufferTooSmall)?;
-        let mut length = postcard::to_slice(self, body)
-            .map_err(|_| BlobError::BufferTooSmall)?
-            .len();
-        if !self.taught.is_empty() {
-            let rest = body.get_mut(length..).ok_or(BlobError::BufferTooSmall)?;
-            length += postcard::to_slice(&self.taught, rest)
-                .map_err(|_| BlobError::BufferTooSmall)?
-                .len();
-        }
+        let length = write::write(self, body)?;
         let body = body.get(..length).ok_or(BlobError::BufferTooSmall)?;
-        check::check(body, self.layout(), self.joints())?;
+        described::read(body, self.joints())?;
         let joints = u8::try_from(self.joints()).map_err(|_| BlobError::Body)?;
         let size = u32::try_from(length).map_err(|_| BlobError::Body)?;
         let fields = MAGIC
             .into_iter()
-            .chain(self.layout().to_le_bytes())
+            .chain(LAYOUT.to_le_bytes())
             .chain([joints, 0])
             .chain(size.to_le_bytes())
             .chain(checksum(body).to_le_bytes());
@@ -224,14 +211,8 @@ impl<'a> Blob<'a> {
     /// Reads a blob of any number of joints and checks every promise that `docs/BLOB.md`
     /// makes of its contents.
     pub fn decode(bytes: &'a [u8]) -> Result<Self, BlobError> {
-        let (layout, joints, body) = open(bytes)?;
-        check::check(body, layout, joints)?;
-        let mut body = body::Body::new(body);
-        let mut blob: Self = body.take()?;
-        if layout > WITHOUT_TABLES {
-            blob.taught = body.take()?;
-        }
-        Ok(blob)
+        let (joints, body) = open(bytes)?;
+        described::read(body, joints)
     }
 
     /// The model of N joints in the number type of the controller: baked in `f64`, rounded
@@ -253,13 +234,7 @@ impl<'a> Blob<'a> {
         let nominal = self.nominal.chain::<N>(self.gravity, &mut gauges);
         let calibrated = self.calibrated.chain::<N>(self.gravity, &mut gauges);
         let (nominal, calibrated) = (nominal.ok_or(wrong)?, calibrated.ok_or(wrong)?);
-        let (base, tool) = (&self.calibrated.base, &self.calibrated.tool);
-        let attached = effects::Description {
-            base: &calibrated.base.inverse().then(&Pose::from(base)),
-            joints: &self.calibrated.joints,
-            gauges: &gauges,
-            tool: &Pose::from(tool),
-        };
+        let baked = Baked::of(&self.calibrated, self.gravity);
         Ok(Model {
             nominal: nominal.cast(),
             calibrated: calibrated.cast(),
@@ -268,7 +243,7 @@ impl<'a> Blob<'a> {
                 .iter()
                 .map(|effect| {
                     let mut effect = *effect;
-                    effect.attach(&attached);
+                    baked.attach(&mut effect);
                     effect.cast()
                 })
                 .collect(),
@@ -291,11 +266,11 @@ pub(crate) fn read<'a, V: Deserialize<'a>>(bytes: &'a [u8]) -> Result<V, BlobErr
     }
 }
 
-/// Checks a blob as [`Blob::decode`] does, with little room. Returns the name of its robot and
+/// Checks a blob as [`decode`] does, with little room. Returns the name of its robot and
 /// its number of joints.
 pub fn examine(bytes: &[u8]) -> Result<(&str, usize), BlobError> {
-    let (layout, joints, body) = open(bytes)?;
-    check::check(body, layout, joints)?;
+    let (joints, body) = open(bytes)?;
+    check::check(body, joints)?;
     Ok((body::Body::new(body).text(NAME)?, joints))
 }
 
@@ -322,19 +297,19 @@ pub fn decode_into<'a, T: Scalar, const N: usize>(
     bytes: &'a [u8],
     model: &mut Model<'a, T, N>,
 ) -> Result<(), BlobError> {
-    let (layout, joints, body) = open(bytes)?;
+    let (joints, body) = open(bytes)?;
     if joints != N {
         return Err(BlobError::Joints {
             found: joints,
             expected: N,
         });
     }
-    check::check(body, layout, joints)?;
-    load::load(body, layout, model)
+    check::check(body, joints)?;
+    load::load(body, model)
 }
 
-/// Checks header and checksum. Returns the layout, the number of joints and the body.
-fn open(bytes: &[u8]) -> Result<(u16, usize, &[u8]), BlobError> {
+/// Checks header and checksum. Returns the number of joints and the body.
+fn open(bytes: &[u8]) -> Result<(usize, &[u8]), BlobError> {
     let (header, body) = bytes
         .split_first_chunk::<HEADER>()
         .ok_or(BlobError::TooShort { bytes: bytes.len() })?;
@@ -379,5 +354,5 @@ fn open(bytes: &[u8]) -> Result<(u16, usize, &[u8]), BlobError> {
     if checksum(body) != u32::from_le_bytes([c0, c1, c2, c3]) {
         return Err(BlobError::Checksum);
     }
-    Ok((layout, usize::from(joints), body))
+    Ok((usize::from(joints), body))
 }

@@ -69,6 +69,12 @@ impl<T: Scalar> Twist<T> {
         Twist::new(c(&self.linear), c(&self.angular))
     }
 
+    /// From its rows.
+    #[inline]
+    pub fn from_rows([x, y, z, rx, ry, rz]: [T; 6]) -> Self {
+        Self::new(Vector3::new(x, y, z), Vector3::new(rx, ry, rz))
+    }
+
     /// Rows `[dx dy dz rx ry rz]`.
     #[inline]
     pub fn rows(&self) -> [T; 6] {

@@ -427,7 +427,7 @@ impl<'m, T: Scalar> Work<'_, '_, 'm, T> {
         match place {
             Place::Joint(joint) => self.add_to_reading(*joint, amount, T::zero()),
             Place::Base { unit, .. } => {
-                self.base = self.base.plus(&unit.scaled(amount));
+                self.base = self.base.plus(&Twist::from_rows(*unit).scaled(amount));
                 self.moves.base = true;
                 true
             }

@@ -2,9 +2,12 @@
 
 use crate::blobs::blob;
 use crate::random::Random;
+use crate::samples::one_of_each;
 use crate::tables;
 use nalgebra::Vector3;
-use truepose::effects::{Effect, GearEccentricity, JointCompliance, JointGain};
+use truepose::effects::{
+    CrossAxisCompliance, Effect, GearEccentricity, JointCompliance, JointGain,
+};
 use truepose::params::{
     Blob, BlobError, Description, HEADER, Provenance, checksum, checksum_onwards, decode,
 };
@@ -68,6 +71,10 @@ fn sample() -> Blob<'static> {
                 joint: 1,
                 compliance: [1e-6],
             }),
+            Effect::CrossAxisCompliance(CrossAxisCompliance {
+                compliance: [2e-6],
+                ..CrossAxisCompliance::new(0)
+            }),
         ]
         .into_iter()
         .collect(),
@@ -125,27 +132,40 @@ fn a_blob_comes_back_as_it_was_written() {
 fn the_model_is_the_same_from_the_bytes_and_from_the_description() {
     let mut random = Random(12);
     for _ in 0..50 {
-        let blob = blob(&mut random, 6);
+        let mut blob = blob(&mut random, 6);
+        blob.effects = one_of_each().into_iter().collect();
         let bytes = encoded(&blob);
         let model = decode::<f64, 6>(&bytes).unwrap();
         let again = blob.model::<f64, 6>().unwrap();
         assert_eq!(model, again);
         let single = decode::<f32, 6>(&bytes).unwrap();
+        assert_eq!(single, blob.model::<f32, 6>().unwrap());
+        assert_eq!(single.nominal, model.nominal.cast());
         assert_eq!(single.calibrated, model.calibrated.cast());
     }
 }
 
-#[test]
-fn the_bytes_of_layout_1_stay_as_they_are() {
-    let golden = include_str!("golden/blob_layout_1.hex");
-    let golden: String = golden
+fn golden(text: &str) -> Vec<u8> {
+    let digits: String = text
         .lines()
         .filter(|line| !line.starts_with('#'))
         .flat_map(|line| line.split_whitespace())
         .collect();
-    let written = encoded(&sample());
-    let hex: String = written.iter().map(|b| format!("{b:02x}")).collect();
-    assert_eq!(hex, golden);
+    let byte = |at: usize| u8::from_str_radix(&digits[at..at + 2], 16).unwrap();
+    (0..digits.len()).step_by(2).map(byte).collect()
+}
+
+#[test]
+fn blobs_of_older_layouts_are_refused_by_name() {
+    for (found, text) in [
+        (1, include_str!("golden/blob_layout_1.hex")),
+        (2, include_str!("golden/blob_layout_2.hex")),
+    ] {
+        let bytes = golden(text);
+        let refusal = BlobError::LayoutOlder { found };
+        assert_eq!(decode::<f32, 2>(&bytes).err(), Some(refusal));
+        assert_eq!(Blob::decode(&bytes).err(), Some(refusal));
+    }
 }
 
 /// The sample with tables of every kind.
@@ -181,16 +201,15 @@ fn sample_with_tables() -> Blob<'static> {
 }
 
 #[test]
-fn the_bytes_of_layout_2_stay_as_they_are() {
-    let golden = include_str!("golden/blob_layout_2.hex");
-    let golden: String = golden
-        .lines()
-        .filter(|line| !line.starts_with('#'))
-        .flat_map(|line| line.split_whitespace())
-        .collect();
+fn the_bytes_of_layout_3_stay_as_they_are() {
     let written = encoded(&sample_with_tables());
-    let hex: String = written.iter().map(|b| format!("{b:02x}")).collect();
-    assert_eq!(hex, golden);
+    let hex: Vec<String> = written
+        .chunks(32)
+        .map(|line| line.iter().map(|b| format!("{b:02x}")).collect())
+        .collect();
+    let found = hex.join("\n");
+    let wanted = golden(include_str!("golden/blob_layout_3.hex"));
+    assert_eq!(written, wanted, "found:\n{found}");
     assert_eq!(Blob::decode(&written), Ok(sample_with_tables()));
     let model = decode::<f32, 2>(&written).unwrap();
     // The tables are read where they lie.
@@ -297,6 +316,71 @@ fn every_truncation_and_extension_is_refused() {
             decode::<f32, 6>(&sealed(longer)).err(),
             Some(BlobError::Trailing { bytes: extra })
         );
+    }
+}
+
+/// The `k`-th baked number of the nominal base.
+fn baked_base(blob: &Blob, k: usize) -> std::ops::Range<usize> {
+    let start = HEADER + 1 + blob.robot.len() + 8 * k;
+    start..start + 8
+}
+
+/// The `k`-th baked number of joint `j` (from 0) of the nominal chain.
+fn baked_joint(blob: &Blob, j: usize, k: usize) -> std::ops::Range<usize> {
+    let start = baked_base(blob, 12).start + 1 + (1 + 11 * 8) * j + 1 + 8 * k;
+    start..start + 8
+}
+
+#[test]
+fn unsound_baked_numbers_are_refused_and_the_host_wants_them_as_described() {
+    let blob = sample();
+    let bytes = encoded(&blob);
+    let changed = |place: std::ops::Range<usize>, by: f64| {
+        let mut bytes = bytes.clone();
+        let number: [u8; 8] = bytes[place.clone()].try_into().unwrap();
+        let number = f64::from_le_bytes(number) + by;
+        bytes[place].copy_from_slice(&number.to_le_bytes());
+        let bytes = sealed(bytes);
+        (decode::<f32, 2>(&bytes).err(), Blob::decode(&bytes).err())
+    };
+    let baked = |joint| Some(BlobError::Baked { joint });
+    // Any entry of a rotation, but not of an origin.
+    for k in 0..9 {
+        assert_eq!(changed(baked_base(&blob, k), 1e-2), (baked(0), baked(0)));
+        assert_eq!(changed(baked_base(&blob, k), 1e-8), (None, baked(0)));
+        assert_eq!(changed(baked_base(&blob, k), 1e-12), (None, None));
+    }
+    for k in 9..12 {
+        assert_eq!(changed(baked_base(&blob, k), 1e-2), (None, baked(0)));
+    }
+    for j in 0..2 {
+        let joint = baked(u8::try_from(j + 1).unwrap());
+        // Angle, sine and cosine of theta; sine and cosine of alpha.
+        for k in [0, 1, 2, 5, 6] {
+            // Where a sine or a cosine is 0 it takes a larger change to notice.
+            let place = baked_joint(&blob, j, k);
+            assert_eq!(changed(place.clone(), 0.1), (joint, joint), "{j} {k}");
+            assert_eq!(changed(place, 1e-8), (None, joint), "{j} {k}");
+        }
+        // The slide has no offset across its axis; a link may have any.
+        let offset = if j == 1 { joint } else { None };
+        for k in [3, 4] {
+            assert_eq!(changed(baked_joint(&blob, j, k), 0.1), (offset, joint));
+        }
+        for k in 8..11 {
+            assert_eq!(changed(baked_joint(&blob, j, k), 0.1), (None, joint));
+        }
+    }
+    let mass = Some(BlobError::Mass { joint: 2 });
+    assert_eq!(changed(baked_joint(&blob, 1, 7), -20.0), (mass, mass));
+    // What an effect fixes in a link stands behind its value.
+    let value = 2e-6_f64.to_le_bytes();
+    let place = bytes.windows(8).position(|window| window == value);
+    let anchor = place.unwrap() + 8;
+    let effect = Some(BlobError::Effect { effect: 4 });
+    for k in 0..5 {
+        let number = anchor + 8 * k..anchor + 8 * k + 8;
+        assert_eq!(changed(number, 0.1), (None, effect));
     }
 }
 
@@ -423,10 +507,10 @@ fn what_a_reader_would_refuse_is_not_written() {
 fn other_layouts_and_joint_counts_are_refused_by_name() {
     let bytes = encoded(&blob(&mut Random(7), 6));
     let mut newer = bytes.clone();
-    newer[4] = 3;
+    newer[4] = 4;
     assert_eq!(
         decode::<f32, 6>(&newer).err(),
-        Some(BlobError::LayoutNewer { found: 3 })
+        Some(BlobError::LayoutNewer { found: 4 })
     );
     let mut older = bytes.clone();
     older[4] = 0;

@@ -306,7 +306,7 @@ fn effects_are_stored_as_they_always_were() {
         let hex: String = bytes.iter().map(|b| format!("{b:02x}")).collect();
         text += &format!("{} {hex}\n", effect.model().kind());
     }
-    let golden = include_str!("golden/effects_layout_1.txt");
+    let golden = include_str!("golden/effects.txt");
     assert_eq!(text, golden, "found:\n{text}");
 }
 

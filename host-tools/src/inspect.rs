@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::Serialize;
-use truepose::params::{Blob, Description, HEADER, UNLIMITED};
+use truepose::params::{Blob, Description, HEADER, LAYOUT, UNLIMITED};
 use truepose::{JointKind, Pose, StoredPose};
 
 /// A blob in the words of reports. SI units; joints count from 1.
@@ -140,7 +140,7 @@ pub fn inspect(blob: &Blob<'_>, bytes: usize) -> Inspection {
     Inspection {
         robot: blob.robot.to_string(),
         bytes,
-        layout: blob.layout(),
+        layout: LAYOUT,
         written_by: from.tool.to_string(),
         data: from.data.to_string(),
         date: from.date.to_string(),

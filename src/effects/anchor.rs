@@ -2,8 +2,8 @@
 //!
 //! Baked frames may be turned about and slid along their axes by every new bake. What an
 //! effect fixes in a link is therefore given in the *described* frames and kept as constants
-//! in the baked ones, set anew by [`super::EffectModel::attach`] after each bake. They have no
-//! stored form: whoever reads a blob bakes and attaches.
+//! in the baked ones, set anew by [`super::EffectModel::attach`] after each bake. A blob has them
+//! behind the effect, with what else is baked ([`super::EffectModel::fixed_mut`]).
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -70,6 +70,10 @@ impl<T: Scalar> Anchor<T> {
         Anchor(self.0.map(|x| U::of(x.widen())))
     }
 
+    pub(super) fn numbers_mut(&mut self) -> &mut [T] {
+        &mut self.0
+    }
+
     /// Origin of the described frame, given the baked one.
     #[inline(never)]
     pub(super) fn origin(&self, frame: &Frame<T>) -> Vector3<T> {
@@ -99,11 +103,16 @@ pub enum Place<T: Scalar> {
     Base {
         /// 0 to 2: along x, y, z of the described base; 3 to 5: about them.
         axis: u8,
-        /// That unit displacement in the axes and at the origin of the baked base; not
-        /// stored, see [`super::EffectModel::attach`].
-        #[serde(skip, default = "Twist::zero")]
-        unit: Twist<T>,
+        /// That unit displacement in the axes and at the origin of the baked base, as
+        /// [`Twist::rows`]; see [`super::EffectModel::attach`].
+        #[serde(skip, default = "nowhere")]
+        unit: [T; 6],
     },
+}
+
+/// Before it is attached.
+fn nowhere<T: Scalar>() -> [T; 6] {
+    [T::zero(); 6]
 }
 
 /// Names of the six displacements of a frame.
@@ -128,7 +137,7 @@ impl<T: Scalar> Place<T> {
     pub fn base(axis: u8) -> Self {
         Self::Base {
             axis,
-            unit: unit_twist(axis),
+            unit: unit_twist(axis).rows(),
         }
     }
 
@@ -160,6 +169,7 @@ impl<T: Scalar> Place<T> {
             Self::Joint(_) => Twist::zero(),
             Self::Base { unit, .. } => {
                 let r = &at.base.rotation;
+                let unit = Twist::from_rows(*unit);
                 Twist::new(rotated(r, &unit.linear), rotated(r, &unit.angular)).scaled(factor)
             }
         };
@@ -171,7 +181,14 @@ impl<T: Scalar> Place<T> {
 
     pub(super) fn attach(&mut self, to: &Description<'_>) {
         if let Self::Base { axis, unit } = self {
-            *unit = carried(to.base, &unit_twist(*axis)).cast();
+            *unit = carried(to.base, &unit_twist(*axis)).rows().map(T::of);
+        }
+    }
+
+    pub(super) fn fixed_mut(&mut self) -> &mut [T] {
+        match self {
+            Self::Joint(_) => &mut [],
+            Self::Base { unit, .. } => unit,
         }
     }
 
@@ -180,7 +197,7 @@ impl<T: Scalar> Place<T> {
             Self::Joint(j) => Place::Joint(*j),
             Self::Base { axis, unit } => Place::Base {
                 axis: *axis,
-                unit: unit.cast(),
+                unit: unit.map(|x| U::of(x.widen())),
             },
         }
     }

@@ -28,7 +28,7 @@ pub struct AxisWobble<T: Scalar> {
     pub order: T,
     /// Sine and cosine about (or along) x, then y; rad or m.
     pub amplitude: [T; 4],
-    /// Described joint frame; not stored, see [`EffectModel::attach`].
+    /// Described joint frame, see [`EffectModel::attach`].
     #[serde(skip, default = "Anchor::default")]
     pub anchor: Anchor<T>,
 }
@@ -116,6 +116,10 @@ impl<T: Scalar> EffectModel<T> for AxisWobble<T> {
 
     fn attach(&mut self, to: &Description<'_>) {
         self.anchor = Anchor::of(to, usize::from(self.joint));
+    }
+
+    fn fixed_mut(&mut self) -> &mut [T] {
+        self.anchor.numbers_mut()
     }
 
     fn stage(&self) -> Stage {

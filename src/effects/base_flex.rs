@@ -16,15 +16,15 @@ use crate::vector::{add_cross, along, dot, less};
 pub struct BaseFlex<T: Scalar> {
     /// About x and about y, rad/(N m).
     pub compliance: [T; 2],
-    /// x, y and origin (m) of the described base in the baked one; not stored, see
+    /// x, y and origin (m) of the described base in the baked one, see
     /// [`EffectModel::attach`].
     #[serde(skip, default = "no_base")]
-    pub base: [Vector3<T>; 3],
+    pub base: [[T; 3]; 3],
 }
 
 /// Before it is attached: no axes to tilt about.
-fn no_base<T: Scalar>() -> [Vector3<T>; 3] {
-    [Vector3::zeros(); 3]
+fn no_base<T: Scalar>() -> [[T; 3]; 3] {
+    [[T::zero(); 3]; 3]
 }
 
 impl<T: Scalar> Default for BaseFlex<T> {
@@ -69,7 +69,11 @@ impl<T: Scalar> EffectModel<T> for BaseFlex<T> {
 
     fn attach(&mut self, to: &Description<'_>) {
         let [x, y, _] = columns(&to.base.rotation);
-        self.base = [x, y, to.base.translation].map(|v| v.map(T::of));
+        self.base = [x, y, to.base.translation].map(|v| v.map(T::of).into());
+    }
+
+    fn fixed_mut(&mut self) -> &mut [T] {
+        self.base.as_flattened_mut()
     }
 
     fn stage(&self) -> Stage {
@@ -98,12 +102,12 @@ impl<T: Scalar> BaseFlex<T> {
         else {
             return Displacement::zero();
         };
-        let [x, y, origin] = &self.base;
-        let origin = at.base.point(origin);
+        let [x, y, origin] = self.base.map(Vector3::from);
+        let origin = at.base.point(&origin);
         let moment = add_cross(moment, &less(&frame.origin, &origin), force);
         let mut turn = Vector3::zeros();
         for (axis, c) in [x, y].into_iter().zip(compliance) {
-            let axis = rotated(&at.base.rotation, axis);
+            let axis = rotated(&at.base.rotation, &axis);
             turn = along(&turn, &axis, dot(&moment, &axis) * c);
         }
         one_way(true, &turn, &origin)

@@ -19,7 +19,7 @@ pub struct CrossAxisCompliance<T: Scalar> {
     pub joint: u8,
     /// rad/(N m).
     pub compliance: [T; 1],
-    /// Described joint frame; not stored, see [`EffectModel::attach`].
+    /// Described joint frame, see [`EffectModel::attach`].
     #[serde(skip, default = "Anchor::default")]
     pub anchor: Anchor<T>,
 }
@@ -66,6 +66,10 @@ impl<T: Scalar> EffectModel<T> for CrossAxisCompliance<T> {
 
     fn attach(&mut self, to: &Description<'_>) {
         self.anchor = Anchor::of(to, usize::from(self.joint));
+    }
+
+    fn fixed_mut(&mut self) -> &mut [T] {
+        self.anchor.numbers_mut()
     }
 
     fn stage(&self) -> Stage {

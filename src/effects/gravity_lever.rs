@@ -25,7 +25,7 @@ pub struct GravityLever<T: Scalar> {
     pub link: u8,
     /// rad s^2/m.
     pub lever: [T; 2],
-    /// The described joint frame of the link; not stored, see [`EffectModel::attach`].
+    /// The described joint frame of the link, see [`EffectModel::attach`].
     #[serde(skip, default = "Anchor::default")]
     pub anchor: Anchor<T>,
 }
@@ -82,6 +82,10 @@ impl<T: Scalar> EffectModel<T> for GravityLever<T> {
 
     fn attach(&mut self, to: &Description<'_>) {
         self.anchor = Anchor::of(to, usize::from(self.link));
+    }
+
+    fn fixed_mut(&mut self) -> &mut [T] {
+        self.anchor.numbers_mut()
     }
 
     fn stage(&self) -> Stage {

@@ -30,7 +30,7 @@ pub struct LinkBending<T: Scalar> {
     pub bends: Bends,
     /// c about either axis: rad/(N m), of a beam 1/(N m^2).
     pub flexibility: [T; 2],
-    /// Where the link is; not stored, see [`EffectModel::attach`].
+    /// Where the link is, see [`EffectModel::attach`].
     #[serde(skip, default = "Link::none")]
     pub link: Link<T>,
 }
@@ -49,34 +49,27 @@ impl Bends {
     pub const NAMES: [&str; 2] = ["end", "beam"];
 }
 
-/// A link in its baked joint frame.
+/// A link in its baked joint frame: its end, m; the unit vector from joint to end, and across it the
+/// two bending axes; from joint to end, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Link<T: Scalar> {
-    /// From joint to end, m.
-    length: T,
-    /// End of the link, m.
-    end: Vector3<T>,
-    /// Unit vector from joint to end, across it the two bending axes.
-    axes: [Vector3<T>; 3],
-}
+pub struct Link<T: Scalar>([T; 13]);
 
 impl<T: Scalar> Link<T> {
     /// No link: nothing bends.
     fn none() -> Self {
-        Self {
-            length: T::zero(),
-            end: Vector3::zeros(),
-            axes: [Vector3::zeros(); 3],
-        }
+        Self([T::zero(); 13])
     }
 
     fn cast<U: Scalar>(&self) -> Link<U> {
-        let c = |v: Vector3<T>| v.map(|x| U::of(x.widen()));
-        Link {
-            length: U::of(self.length.widen()),
-            end: c(self.end),
-            axes: self.axes.map(c),
-        }
+        Link(self.0.map(|x| U::of(x.widen())))
+    }
+
+    /// The four vectors, and the length.
+    #[inline]
+    fn parts(&self) -> ([Vector3<T>; 4], T) {
+        let [ex, ey, ez, x, y, z, fx, fy, fz, sx, sy, sz, length] = self.0;
+        let vectors = [[ex, ey, ez], [x, y, z], [fx, fy, fz], [sx, sy, sz]];
+        (vectors.map(Vector3::from), length)
     }
 }
 
@@ -149,12 +142,16 @@ impl<T: Scalar> EffectModel<T> for LinkBending<T> {
         };
         let first = across(&ahead, &[Vector3::z(), next, Vector3::x(), Vector3::y()]);
         let second = crossed(&ahead, &first);
-        self.link = Link {
-            length,
-            end: seen(gauge, &end),
-            axes: [ahead, first, second].map(|v| rotated(&gauge.rotation, &v)),
-        }
+        let end = seen(gauge, &end);
+        let [a, f, s] = [ahead, first, second].map(|v| rotated(&gauge.rotation, &v));
+        self.link = Link([
+            end.x, end.y, end.z, a.x, a.y, a.z, f.x, f.y, f.z, s.x, s.y, s.z, length,
+        ])
         .cast();
+    }
+
+    fn fixed_mut(&mut self) -> &mut [T] {
+        &mut self.link.0
     }
 
     fn stage(&self) -> Stage {
@@ -183,13 +180,14 @@ impl<T: Scalar> LinkBending<T> {
             return Displacement::zero();
         };
         let of_link = |v| rotated(&frame.rotation, v);
-        let [ahead, first, second] = self.link.axes.each_ref().map(of_link);
-        let mut origin = plus(&frame.origin, &of_link(&self.link.end));
+        let (vectors, length) = self.link.parts();
+        let [end, ahead, first, second] = vectors.each_ref().map(of_link);
+        let mut origin = plus(&frame.origin, &end);
         let (mut moment, force) = beyond(at, j, &origin);
         let [f, s] = flexibility;
         let (mut linear, mut scale) = (Vector3::zeros(), T::one());
         if self.bends == Bends::Beam {
-            scale = self.link.length;
+            scale = length;
             let half = times(&ahead, scale * T::of(0.5));
             moment = add_cross(&moment, &half, &force);
             let cubed = scale * scale * scale * T::of(1.0 / 12.0);

@@ -146,9 +146,14 @@ pub trait EffectModel<T: Scalar> {
         &mut []
     }
 
-    /// Sets what is fixed in the links, which has no stored form, from the described arm. To
-    /// be called after every bake; an effect that fixes nothing in a link does nothing.
+    /// Sets what is fixed in the links from the described arm. To be called after every bake; an
+    /// effect that fixes nothing in a link does nothing.
     fn attach(&mut self, _to: &Description<'_>) {}
+
+    /// What [`Self::attach`] sets, in stored order.
+    fn fixed_mut(&mut self) -> &mut [T] {
+        &mut []
+    }
 
     /// When it is evaluated.
     fn stage(&self) -> Stage;
@@ -241,6 +246,12 @@ macro_rules! effects {
             #[inline(never)]
             pub fn attach(&mut self, to: &Description<'_>) {
                 match self { $(Self::$name(e) => e.attach(to)),+ }
+            }
+
+            /// See [`EffectModel::fixed_mut`].
+            #[inline(never)]
+            pub fn fixed_mut(&mut self) -> &mut [T] {
+                match self { $(Self::$name(e) => e.fixed_mut()),+ }
             }
 
             /// True if its values and constants are finite and its joints are among the first

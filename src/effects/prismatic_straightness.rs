@@ -24,7 +24,7 @@ pub struct PrismaticStraightness<T: Scalar> {
     pub axis: u8,
     /// m/m and m/m^2, or rad/m and rad/m^2.
     pub shape: [T; 2],
-    /// Described joint frame; not stored, see [`EffectModel::attach`].
+    /// Described joint frame, see [`EffectModel::attach`].
     #[serde(skip, default = "Anchor::default")]
     pub anchor: Anchor<T>,
 }
@@ -85,6 +85,10 @@ impl<T: Scalar> EffectModel<T> for PrismaticStraightness<T> {
 
     fn attach(&mut self, to: &Description<'_>) {
         self.anchor = Anchor::of(to, usize::from(self.joint));
+    }
+
+    fn fixed_mut(&mut self) -> &mut [T] {
+        self.anchor.numbers_mut()
     }
 
     fn stage(&self) -> Stage {

@@ -95,6 +95,10 @@ impl<T: Scalar> EffectModel<T> for StepChange<T> {
         self.place.attach(to);
     }
 
+    fn fixed_mut(&mut self) -> &mut [T] {
+        self.place.fixed_mut()
+    }
+
     fn stage(&self) -> Stage {
         self.place.stage()
     }

@@ -27,7 +27,7 @@ pub struct ThermalGrowth<T: Scalar> {
     pub reference: T,
     /// 1/K.
     pub growth: [T; 1],
-    /// The link in the baked joint frame, m; not stored, see [`EffectModel::attach`].
+    /// The link in the baked joint frame, m, see [`EffectModel::attach`].
     #[serde(skip, default = "Vector3::zeros")]
     pub link: Vector3<T>,
 }
@@ -126,6 +126,10 @@ impl<T: Scalar> EffectModel<T> for ThermalGrowth<T> {
         if let (Some(link), Some(gauge)) = (to.link(j), to.gauges.get(j)) {
             self.link = rotated(&gauge.rotation, &link.translation).map(T::of);
         }
+    }
+
+    fn fixed_mut(&mut self) -> &mut [T] {
+        self.link.as_mut_slice()
     }
 
     fn stage(&self) -> Stage {

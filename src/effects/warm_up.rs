@@ -94,6 +94,10 @@ impl<T: Scalar> EffectModel<T> for WarmUp<T> {
         self.place.attach(to);
     }
 
+    fn fixed_mut(&mut self) -> &mut [T] {
+        self.place.fixed_mut()
+    }
+
     fn stage(&self) -> Stage {
         self.place.stage()
     }

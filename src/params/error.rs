@@ -92,6 +92,11 @@ pub enum BlobError {
     NotTaught,
     /// Writing: the buffer is too small.
     BufferTooSmall,
+    /// What is baked is not sound, or not what the description bakes to.
+    Baked {
+        /// Of which joint; 0 of base, tool or gravity.
+        joint: u8,
+    },
 }
 
 impl fmt::Display for BlobError {
@@ -139,6 +144,12 @@ impl fmt::Display for BlobError {
             Self::Settings => f.write_str("the settings are outside their ranges"),
             Self::Taught => f.write_str("the taught corrections are not sound"),
             Self::NotTaught => f.write_str("the settings name a method that was not taught"),
+            Self::Baked { joint: 0 } => {
+                f.write_str("base, tool or gravity as baked are not sound or not as described")
+            }
+            Self::Baked { joint } => {
+                write!(f, "joint {joint} as baked is not sound or not as described")
+            }
             Self::BufferTooSmall => f.write_str("the blob does not fit into the buffer"),
         }
     }

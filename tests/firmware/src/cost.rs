@@ -200,7 +200,7 @@ pub fn print(out: &mut dyn Write, clock: &impl Clock) -> fmt::Result {
     compensation(out, &model)?;
     writeln!(
         out,
-        "decode: a rigid arm's blob, checked and baked (in f64, once) into a model that is there"
+        "decode: a rigid arm's blob, checked and rounded into a model that is there"
     )?;
     let mut decoded = Model::empty();
     measured::decode(black_box(RIGID), &mut decoded).map_err(|_| fmt::Error)?;
@@ -216,7 +216,7 @@ fn link(out: &mut dyn Write) -> fmt::Result {
     )?;
     writeln!(
         out,
-        "poll_that_checks: the one piece that checks the blob that came, all but baking it"
+        "poll_that_checks: the one piece that checks the blob that came"
     )?;
     writeln!(out, "idle_poll: nothing to do")?;
     let mut desk = Desk::new()?;
