@@ -79,6 +79,9 @@ pub trait Scalar: RealField + Copy + Aside + Load + LookUp {
     /// the integers' range the nearest of them and a rest of 0 or 1.
     fn split(self) -> (i32, Self);
 
+    /// Largest integer not above `self`, exact.
+    fn whole(self) -> Self;
+
     /// A small integer as a number, exact.
     fn count(x: i16) -> Self;
 }
@@ -230,9 +233,40 @@ impl Scalar for f32 {
         libm::expf(self)
     }
 
-    #[inline]
+    /// In integers what the library's has a table for: a rough root is at most a few units of its
+    /// last place off, and what its square lacks says how many.
+    #[inline(never)]
     fn root(self) -> Self {
-        libm::sqrtf(self)
+        const UNIT: u32 = 1 << 23;
+        const SMALL: f32 = 16_777_216.0;
+        if !(self > 0.0 && self < Self::INFINITY) {
+            return if self < 0.0 { Self::NAN } else { self };
+        }
+        // Below the normal numbers 2^24 times as large, and the root 2^12 times.
+        let tiny = self < Self::MIN_POSITIVE;
+        let bits = if tiny { self * SMALL } else { self }.to_bits();
+        // The exponent halved, and a number in [1, 4) with its root's exponent taken out.
+        let odd = !(bits >> 23) & 1;
+        let halved = ((bits >> 23) + 127 - odd) / 2;
+        let mantissa = bits % UNIT + UNIT;
+        let x = Self::from_bits(((127 + odd) << 23) | (bits % UNIT));
+        let half = x * 0.5;
+        let y = Self::from_bits(0x5F37_59DF - (x.to_bits() >> 1));
+        let y = y * (1.5 - half * y * y);
+        let y = y * (1.5 - half * y * y);
+        let y = y * (1.5 - half * y * y);
+        let mut root = (x * y * 8_388_608.0) as u32;
+        // Both squares are of 46 to 48 bits; their difference is a few times as large as the root.
+        let lacks =
+            |root: u32| (mantissa << (23 + odd)).wrapping_sub(root.wrapping_mul(root)) as i32;
+        while lacks(root) > root as i32 {
+            root += 1;
+        }
+        while lacks(root) <= -(root as i32) {
+            root -= 1;
+        }
+        let root = Self::from_bits((halved << 23) + (root - UNIT));
+        if tiny { root * (1.0 / 4096.0) } else { root }
     }
 
     #[inline]
@@ -253,6 +287,16 @@ impl Scalar for f32 {
     #[inline]
     fn split(self) -> (i32, Self) {
         split!(self, Self)
+    }
+
+    #[inline]
+    fn whole(self) -> Self {
+        // From here on all are.
+        if self.abs() < 8_388_608.0 {
+            self.split().0 as Self
+        } else {
+            self
+        }
     }
 
     #[inline]
@@ -349,6 +393,11 @@ impl Scalar for f64 {
     #[inline]
     fn split(self) -> (i32, Self) {
         split!(self, Self)
+    }
+
+    #[inline]
+    fn whole(self) -> Self {
+        libm::floor(self)
     }
 
     #[inline]

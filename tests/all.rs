@@ -19,6 +19,7 @@ mod plain_cases_are_general_ones;
 mod polynomials_are_sums;
 mod prepared_is_the_contract;
 mod regulator_is_least_squares;
+mod roots_are_exact;
 mod sine_and_cosine;
 mod storage_survives_power_cuts;
 mod task_point_moves;

@@ -98,10 +98,9 @@ pub(crate) fn neighbours<T: Scalar>(q: T, step: T, limits: &[T; 2]) -> Option<(T
     if step <= T::zero() || !q.finite() {
         return None;
     }
-    let k = libm::floor((q / step).widen());
-    let place = |k: f64| T::of(k * step.widen());
+    let k = (q / step).whole();
     let inside = |x: &T| *x >= limits[0] && *x <= limits[1];
-    let low = Some(place(k)).filter(inside);
-    let high = Some(place(k + 1.0)).filter(inside);
+    let low = Some(k * step).filter(inside);
+    let high = Some((k + T::one()) * step).filter(inside);
     Some((low.or(high)?, high.or(low)?))
 }
