@@ -10,6 +10,7 @@ use truepose::{Frame, Pose, PreparedJoint, Scratch, Twist, forward};
 use super::arm::ArmModel;
 use super::attached::{At, Attached};
 use super::observation::{Kind, Observation, Sigmas};
+pub use super::posture::Posture;
 use super::relation::{Around, Relation};
 use super::unknown::Unknown;
 
@@ -567,35 +568,6 @@ impl<'a> Evaluator<'a> {
         let arm = self.arm;
         for effect in &arm.effects {
             self.effect_twists(o, effect, |_, twist| out.push(twist));
-        }
-    }
-}
-
-/// One of the postures that an observation's equations depend on.
-pub struct Posture<'o> {
-    /// Readings and conditions there.
-    pub at: &'o Observation,
-    /// Elsewhere: the equation, and its derivative by the tool point, over sigma.
-    far: Option<(usize, Vector3<f64>)>,
-}
-
-impl Posture<'_> {
-    /// True for the observation's own.
-    pub fn is_own(&self) -> bool {
-        self.far.is_none()
-    }
-
-    /// What a displacement of the tool at this posture (world axes at the tool point) does to
-    /// the prediction of the observation, over sigma: into `out` at the observation's own
-    /// posture, which comes first, and added to it elsewhere.
-    pub fn spread(&self, evaluator: &Evaluator<'_>, twist: &Twist<f64>, out: &mut [f64]) {
-        match self.far {
-            None => evaluator.spread(self.at, twist, out),
-            Some((equation, gradient)) => {
-                if let Some(out) = out.get_mut(equation) {
-                    *out += gradient.dot(&twist.linear);
-                }
-            }
         }
     }
 }

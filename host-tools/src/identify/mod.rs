@@ -25,6 +25,7 @@ pub mod named;
 pub mod noise;
 mod normal;
 pub mod observation;
+mod posture;
 pub mod predicted;
 pub mod prior;
 pub mod problem;

@@ -3,6 +3,7 @@
 //! [`read`] checks a table against the robot that it is for, in SI from there on.
 
 mod columns;
+mod lines;
 mod plausible;
 mod relations;
 mod rows;

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::columns::{self, Column, Columns, Field};
+use super::lines::Lines;
 use super::{Available, Dataset, Expected, Measured, Noise, Purpose, Relations, Row, Seen, Set};
 use crate::error::{Error, Place};
 use crate::warning::Warning;
@@ -24,34 +25,6 @@ const SEEN_TURN: &str = "seen_qw, seen_qx, seen_qy, seen_qz";
 /// A quaternion may be off unit length by this much: four printed decimals at worst.
 const QUATERNION_SLACK: f64 = 0.01;
 
-/// Finds the line that each record begins in: `csv` counts from the comments before it.
-struct Lines<'t> {
-    bytes: &'t [u8],
-    at: usize,
-    line: usize,
-}
-
-impl Lines<'_> {
-    fn of_record_at(&mut self, offset: u64) -> usize {
-        let offset = usize::try_from(offset).unwrap_or(usize::MAX);
-        let mut in_comment = false;
-        while let Some(&byte) = self.bytes.get(self.at) {
-            match byte {
-                b'\n' => {
-                    self.line += 1;
-                    in_comment = false;
-                }
-                b'\r' => {}
-                _ if self.at < offset || in_comment => {}
-                b'#' => in_comment = true,
-                _ => break,
-            }
-            self.at += 1;
-        }
-        self.line
-    }
-}
-
 /// Reads all rows. Does not hold any back yet: every row's set is `Identify`.
 pub(super) fn parse(
     file: &Path,
@@ -64,11 +37,7 @@ pub(super) fn parse(
         .flexible(true)
         .comment(Some(b'#'))
         .from_reader(text.as_bytes());
-    let mut lines = Lines {
-        bytes: text.as_bytes(),
-        at: 0,
-        line: 1,
-    };
+    let mut lines = Lines::of(text);
     let mut record = csv::StringRecord::new();
     let mut next = |record: &mut csv::StringRecord| -> Result<Option<usize>, Error> {
         let more = reader.read_record(record).map_err(|e| {
