@@ -337,8 +337,7 @@ fn rodrigues<T: Scalar>(angle2: T) -> (T, T) {
     }
 }
 
-/// `r v`, out of line: what bakes does it often and in double precision, where each operation is
-/// a call on a controller.
+/// `r v`, out of line: effects do it often, each for itself.
 #[inline(never)]
 pub(crate) fn rotated<T: Scalar>(r: &Matrix3<T>, v: &Vector3<T>) -> Vector3<T> {
     vector::turned(r, v)

@@ -79,7 +79,7 @@ impl Layout {
 const PER_LAYER: usize = 60;
 const PER_INPUT: usize = 50;
 /// Instructions of all else, and in it of an input and its output.
-const AROUND: usize = 520;
+const AROUND: usize = 560;
 const AROUND_INPUT: usize = 60;
 
 /// Corrections of all joints.

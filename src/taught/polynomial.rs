@@ -17,12 +17,14 @@ use crate::Scalar;
 /// The highest degree there can be.
 pub const MAX_DEGREE: u8 = 10;
 
-/// Instructions of a coefficient, of a polynomial of the last input and of an output in it.
-const PER_COEFFICIENT: usize = 13;
-const PER_CALL: usize = 100;
-const PER_CALL_OUTPUT: usize = 24;
+/// Instructions of a coefficient, of a row of them, of a polynomial of the last input and of an
+/// output in it.
+const PER_COEFFICIENT: usize = 7;
+const PER_ROW: usize = 17;
+const PER_CALL: usize = 70;
+const PER_CALL_OUTPUT: usize = 7;
 /// Instructions of all else, and in it of an input.
-const AROUND: usize = 240;
+const AROUND: usize = 1000;
 const PER_INPUT: usize = 60;
 
 /// Corrections of all joints, and what is left of the position on top.
@@ -191,9 +193,17 @@ impl<'a, T: Scalar> Block<'a, T> {
 
     /// All polynomials at once.
     fn at(&self, place: &Place<T>, outputs: &mut [T]) {
-        let (mut coefficients, _) = self.coefficients.as_chunks::<4>();
+        let (coefficients, _) = self.coefficients.as_chunks::<4>();
+        let mut rows = Rows {
+            coefficients,
+            outputs: outputs.len(),
+        };
         let inputs = place.x.get(..self.region.inputs()).unwrap_or(&[]);
-        horner(inputs, usize::from(self.degree), &mut coefficients, outputs);
+        let mut sums = [T::zero(); MAX_INPUTS * MAX_OUTPUTS];
+        horner(inputs, usize::from(self.degree), &mut rows, &mut sums);
+        for (output, &sum) in outputs.iter_mut().zip(&sums) {
+            *output = sum;
+        }
     }
 }
 
@@ -202,42 +212,53 @@ impl<'a, T: Scalar> Block<'a, T> {
 #[inline(never)]
 fn instructions(inputs: usize, degree: u8, coefficients: usize, outputs: usize) -> usize {
     let calls = terms(inputs.saturating_sub(1), usize::from(degree));
+    let rows = coefficients.checked_div(outputs).unwrap_or(coefficients);
     coefficients
         .saturating_mul(PER_COEFFICIENT)
+        .saturating_add(rows.saturating_mul(PER_ROW))
         .saturating_add(calls.saturating_mul(PER_CALL + outputs * PER_CALL_OUTPUT))
         .saturating_add(AROUND + inputs * PER_INPUT)
 }
 
-/// Horner's rule in the first input, whose coefficients are polynomials of the others. As deep
-/// as there are inputs, less one: the last has a loop. `rows`: little-endian `f32`, one an output
-/// for each product of powers; those that are used are taken away.
-fn horner<T: Scalar>(x: &[T], degree: usize, rows: &mut &[[u8; 4]], outputs: &mut [T]) {
-    for output in outputs.iter_mut() {
-        *output = T::zero();
-    }
-    match *x {
-        // The highest power comes first.
-        [] => add_row(T::one(), rows, outputs),
-        [last] => (0..=degree).for_each(|_| add_row(last, rows, outputs)),
-        [first, ref others @ ..] => {
-            let mut room = [T::zero(); MAX_OUTPUTS];
-            let inner = room.get_mut(..outputs.len()).unwrap_or_default();
-            for left in 0..=degree {
-                let others = if left == 0 { &[] } else { others };
-                horner(others, left, rows, inner);
-                for (output, &inner) in outputs.iter_mut().zip(&*inner) {
-                    *output = *output * first + inner;
-                }
-            }
+/// Coefficients that are not used yet: little-endian `f32`, one an output for each product of
+/// powers.
+struct Rows<'r> {
+    coefficients: &'r [[u8; 4]],
+    outputs: usize,
+}
+
+impl Rows<'_> {
+    /// `sums x` and the next row, which is taken away.
+    #[inline(always)]
+    fn add<T: Scalar>(&mut self, x: T, sums: &mut [T]) {
+        let split = self.coefficients.split_at_checked(self.outputs);
+        let (row, rest) = split.unwrap_or_default();
+        self.coefficients = rest;
+        for (sum, &bytes) in sums.iter_mut().zip(row) {
+            *sum = *sum * x + T::of(f64::from(f32::from_le_bytes(bytes)));
         }
     }
 }
 
-/// `outputs x` and the next row.
-fn add_row<T: Scalar>(x: T, rows: &mut &[[u8; 4]], outputs: &mut [T]) {
-    let (row, rest) = rows.split_at_checked(outputs.len()).unwrap_or_default();
-    *rows = rest;
-    for (output, &bytes) in outputs.iter_mut().zip(row) {
-        *output = *output * x + T::of(f64::from(f32::from_le_bytes(bytes)));
+/// Horner's rule in the first input, whose coefficients are polynomials of the others. As deep
+/// as there are inputs, less one: the last has a loop. `sums`: finite numbers; the first become
+/// the polynomials' values, one an output, those behind them the others'.
+fn horner<T: Scalar>(x: &[T], degree: usize, rows: &mut Rows<'_>, sums: &mut [T]) {
+    let Some((&first, others)) = x.split_first() else {
+        return;
+    };
+    let split = sums.split_at_mut_checked(rows.outputs);
+    let (sums, inner) = split.unwrap_or_default();
+    // The highest power comes first, has nothing of the others, and nothing before it.
+    rows.add(T::zero(), sums);
+    for left in 1..degree + 1 {
+        if others.is_empty() {
+            rows.add(first, sums);
+        } else {
+            horner(others, left, rows, inner);
+            for (sum, &inner) in sums.iter_mut().zip(&*inner) {
+                *sum = *sum * first + inner;
+            }
+        }
     }
 }
