@@ -88,8 +88,7 @@ pub struct Diagnosis {
     pub blocks: Option<[Statistics; 2]>,
     /// Some effect has a rival that cannot be ruled out.
     pub ambiguous: bool,
-    /// Something was found and taken back, since it did not hold on blocks of rows that no fit
-    /// had seen.
+    /// Something was found and taken back, since it made rows worse that no fit had seen.
     pub withdrawn: bool,
 }
 
@@ -142,12 +141,13 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
     let rows = thinned(&kept);
     let mut search = Search::new(&arm, rows, problem.sigmas, unknowns.clone());
     let mut found = search.run(&arm, progress)?;
-    let (blocks, withdrawn) = held(&search, &arm, &mut found.model);
+    let (mut blocks, mut withdrawn) = held(&search, &arm, &mut found.model);
 
     progress("fitting all rows");
     let mut sigmas = search.sigmas;
+    let accepted = found.model.accepted.clone();
     let all = |arm: &ArmModel, kept: &[&Observation], sigmas| {
-        Extended::fitted(arm, &unknowns, found.model.accepted.clone(), kept, sigmas)
+        Extended::fitted(arm, &unknowns, accepted.clone(), kept, sigmas)
     };
     let mut model = all(&found.model.arm, &kept, sigmas)?;
     sigmas = estimated(&model.arm, &kept, sigmas, model.fit.unknowns.len());
@@ -179,6 +179,16 @@ pub fn diagnose(mut identified: Identified, progress: &dyn Fn(&str)) -> Result<D
     let gross = gross_unseen(&arm, &model.arm, &kept, &verify, sigmas);
     let used = |o: &&Observation| !gross.contains(&o.row);
     let verify: Vec<&Observation> = verify.into_iter().filter(used).collect();
+    // these rows may take back and never add: what makes them worse than geometry does goes, the
+    // last addition first
+    while !model.accepted.is_empty() && rms(&deployable(&model.arm), &verify) > rms(&arm, &verify) {
+        found.model.accepted.pop();
+        found.model = search.fit(&found.model.arm, found.model.accepted)?;
+        (blocks, _) = held(&search, &arm, &mut found.model);
+        let fewer = found.model.accepted.clone();
+        model = Extended::fitted(&model.arm, &unknowns, fewer, &kept, sigmas)?;
+        withdrawn = true;
+    }
     let left_out = |o: &&Observation| !kept.iter().chain(&verify).any(|k| k.row == o.row);
     let all = problem.identify.iter().chain(&problem.verify);
     identified.calibration.rejected = all.filter(left_out).map(|o| o.row).collect();

@@ -149,6 +149,12 @@ fn reasons(diagnosis: &Diagnosis, report: &Report) -> Vec<String> {
             significant(unseen.p_value)
         ));
     }
+    if diagnosis.withdrawn {
+        reasons.push(
+            "something was found and taken back, since it made rows worse that no fit had seen"
+                .to_owned(),
+        );
+    }
     let in_doubt = diagnosis.named.iter().filter(|n| n.doubt.is_some());
     let in_doubt: Vec<String> = in_doubt.map(|n| n.step.hypothesis.label()).collect();
     if !in_doubt.is_empty() {
