@@ -1,13 +1,11 @@
 //! From an identification to its report.
 
-use std::collections::BTreeMap;
-
-use nalgebra::Vector3;
 use truepose::JointKind;
-use truepose::effects::Kind;
 
+use super::found::{completeness, effects, estimator, parameters};
+use super::rows::rows;
 use super::verdict::judge;
-use super::{Distances, Report, Row, schema};
+use super::{Distances, Report, schema};
 use crate::diagnose::UNDECIDED;
 use crate::diagnose::freed::{Freed, freed};
 use crate::identify::arm::ArmModel;
@@ -17,17 +15,14 @@ use crate::identify::evaluator::Evaluator;
 use crate::identify::noise::{Component, fitted, of_fitted, unseen};
 use crate::identify::observation::{self, Observation};
 use crate::identify::predicted::{Covariance, Uncertainty};
-use crate::identify::problem::{ASSUMED, Joints, Problem};
+use crate::identify::problem::{ASSUMED, Joints};
 use crate::identify::readings::Identified;
 use crate::identify::relation::Relation;
-use crate::identify::structure::{complete_count, structure};
-use crate::identify::uncertainty::chi_square_tail;
 use crate::identify::unknown::Unknown;
-use crate::identify::view::View;
-use crate::identify::{Calibration, Failure, Stage, Status};
+use crate::identify::{Calibration, Failure, Stage};
 use crate::measurement::{Dataset, Measured};
 
-const MM: f64 = 1e3;
+pub(super) const MM: f64 = 1e3;
 
 impl Report {
     /// Of an identification. `robot`: its name.
@@ -454,11 +449,11 @@ fn three(each: [Option<Statistics>; 3], factor: f64) -> Option<schema::Errors> {
     })
 }
 
-fn scaled(values: &[f64], factor: f64) -> Vec<f64> {
+pub(super) fn scaled(values: &[f64], factor: f64) -> Vec<f64> {
     values.iter().map(|x| x * factor).collect()
 }
 
-fn joint_unit(kind: JointKind) -> (&'static str, f64) {
+pub(super) fn joint_unit(kind: JointKind) -> (&'static str, f64) {
     match kind {
         JointKind::Revolute => ("deg", 1.0_f64.to_degrees()),
         JointKind::Prismatic => ("mm", MM),
@@ -486,161 +481,6 @@ fn wrongly_held(freed: &Freed) -> String {
     )
 }
 
-/// Of base, joints and tool.
-fn completeness(problem: &Problem, calibration: &Calibration) -> schema::Completeness {
-    let own = |u: &&Unknown| {
-        matches!(
-            u,
-            Unknown::Base { session: 0, .. } | Unknown::Joint(..) | Unknown::Tool { .. }
-        )
-    };
-    let arm = &calibration.nominal.arm;
-    schema::Completeness {
-        complete: complete_count(arm),
-        rank: structure(arm, problem.sigmas).unknowns.len(),
-        held: problem.held.len(),
-        identified: calibration
-            .geometric
-            .fit
-            .unknowns
-            .iter()
-            .filter(own)
-            .count(),
-    }
-}
-
-fn parameters(calibration: &Calibration) -> Vec<schema::Parameter> {
-    let complete = &calibration.complete;
-    calibration
-        .statuses
-        .iter()
-        .map(|(unknown, status)| {
-            let (status, note) = match status {
-                Status::Identified => (schema::Status::Identified, None),
-                Status::Fixed(why) => (schema::Status::Fixed, Some(why.clone())),
-                Status::Merged(why) => (schema::Status::Merged, Some(why.clone())),
-            };
-            schema::Parameter {
-                name: unknown.name(&complete.arm),
-                unit: unknown.unit(&complete.arm).to_owned(),
-                nominal: unknown.value(&calibration.nominal.arm),
-                value: unknown.value(&complete.arm),
-                sigma: complete.sigma(*unknown),
-                bootstrap: None,
-                status,
-                note,
-            }
-        })
-        .collect()
-}
-
-/// Effects of which anything was identified. All were entered together, so each stands with
-/// the error before and after all of them.
-fn effects(calibration: &Calibration, error_mm: &schema::Errors) -> Vec<schema::Effect> {
-    let stage = &calibration.complete;
-    let mut found = Vec::new();
-    for (index, effect) in stage.arm.effects.iter().enumerate() {
-        let Some(p_value) = stage.p_value(index) else {
-            continue;
-        };
-        let model = effect.model();
-        let selector = model.selector();
-        let (mut parameters, mut sigma) = (BTreeMap::new(), BTreeMap::new());
-        for (value, ((name, _), x)) in model.parameters().iter().zip(model.values()).enumerate() {
-            parameters.insert((*name).to_owned(), *x);
-            let unknown = Unknown::Effect {
-                effect: index,
-                value,
-            };
-            if let Some(s) = stage.sigma(unknown) {
-                sigma.insert((*name).to_owned(), s);
-            }
-        }
-        found.push(schema::Effect {
-            kind: model.kind().to_owned(),
-            joint: selector.joint.map(|j| j + 1),
-            order: selector.order,
-            from: selector.from.map(|j| j + 1),
-            component: selector.component.and_then(|component| {
-                let all = Kind::of(model.kind())?.components;
-                all.get(usize::from(component)).map(|c| (*c).to_owned())
-            }),
-            depends_on: Vec::new(),
-            parameters,
-            sigma,
-            p_value,
-            rms_before_mm: error_mm.geometric.rms,
-            rms_after_mm: error_mm.complete.spread.rms,
-            alternatives: Vec::new(),
-            control: None,
-            in_doubt: None,
-        });
-    }
-    let early = Unknown::EarlyReading;
-    if let (Some(sigma), value) = (stage.sigma(early), stage.arm.early_reading) {
-        found.push(schema::Effect {
-            kind: "early-reading".to_owned(),
-            joint: None,
-            order: None,
-            from: None,
-            component: None,
-            depends_on: Vec::new(),
-            parameters: BTreeMap::from([("lack".to_owned(), value)]),
-            sigma: BTreeMap::from([("lack".to_owned(), sigma)]),
-            p_value: chi_square_tail((value / sigma).powi(2), 1),
-            rms_before_mm: error_mm.geometric.rms,
-            rms_after_mm: error_mm.complete.spread.rms,
-            alternatives: Vec::new(),
-            control: None,
-            in_doubt: None,
-        });
-    }
-    found
-}
-
-fn estimator(problem: &Problem, calibration: &Calibration) -> schema::Estimator {
-    let outliers = calibration.outliers.iter().map(|o| schema::Outlier {
-        row: o.row,
-        weight: o.weight,
-    });
-    schema::Estimator {
-        name: problem.method.estimator.name().to_owned(),
-        loss: problem.method.loss.name().to_owned(),
-        iterations: calibration.complete.fit.iterations,
-        outliers: outliers.collect(),
-        innovations: calibration.innovations.map(|i| schema::Innovations {
-            count: i.count,
-            rms: i.size,
-            p_mean: i.p_mean,
-            p_correlation: i.p_correlation,
-            p_drift: i.p_drift,
-            drifts: i.drifts.map(|u| u.name(&calibration.complete.arm)),
-            white: i.white(),
-        }),
-        prior: prior(calibration),
-    }
-}
-
-/// What the drawing counted for.
-fn prior(calibration: &Calibration) -> Option<schema::Prior> {
-    let method = &calibration.method;
-    let tolerance = |[length, angle]: [f64; 2]| schema::Tolerance {
-        mm: length.is_finite().then_some(length * MM),
-        deg: angle.is_finite().then_some(angle.to_degrees()),
-    };
-    let tried = calibration.sizes.iter().flat_map(|sizes| &sizes.tried);
-    method.estimator.uses_prior().then(|| schema::Prior {
-        tolerance: tolerance(method.tolerance),
-        tried: tried
-            .map(|tried| schema::Tried {
-                tolerance: tolerance(tried.tolerance),
-                rms_mm: tried.rms * MM,
-                rms_noise: tried.whitened,
-            })
-            .collect(),
-    })
-}
-
 /// Standard deviation of the tool point by the parameters alone.
 fn model_sigma(stage: &Stage, rows: &[&Observation]) -> Option<schema::Spread> {
     let each: Vec<f64> = Uncertainty::of(stage)
@@ -663,60 +503,4 @@ fn joints_used(identified: &Identified) -> Option<schema::JointsUsed> {
         rms_commands_mm: c.rms_commands * MM,
         difference: c.difference.clone(),
     })
-}
-
-fn rows(calibration: &Calibration, verify: &[&Observation]) -> Vec<Row> {
-    let arm = &calibration.complete.arm;
-    let sigmas = crate::identify::observation::Sigmas::UNIT;
-    let mut evaluator = Evaluator::new(arm, sigmas);
-    let row = |o: &Observation, residual_mm| {
-        let q = o.q.iter().zip(&arm.joints);
-        Row {
-            number: o.row,
-            q: q.map(|(q, j)| q * joint_unit(j.kind).1).collect(),
-            residual_mm,
-        }
-    };
-    verify
-        .iter()
-        .filter_map(|o| {
-            let pose = evaluator.observe(o);
-            let first = o.targets.iter().zip(&arm.targets);
-            let measured = o.position.map(|p| p - pose.translation).or_else(|| {
-                first
-                    .filter_map(|(p, offset)| Some((*p)? - pose.point(offset)))
-                    .next()
-            });
-            let residual = match (measured, o.length) {
-                (Some(v), _) => {
-                    let base = arm.bases.get(o.session).or(arm.bases.first())?;
-                    scaled((base.rotation.transpose() * v).as_slice(), MM)
-                }
-                (None, Some(length)) => {
-                    vec![(length - (pose.translation - arm.anchor).norm()) * MM]
-                }
-                (None, None) => {
-                    let mut residual = vec![0.0; o.equations()];
-                    let mut distances = Vec::new();
-                    evaluator.residual(o, &mut residual);
-                    if let (Some(Relation::View(View::At { .. })), [x, y, z, ..]) =
-                        (o.relations.first(), residual.as_slice())
-                    {
-                        let base = arm.bases.get(o.session).or(arm.bases.first())?;
-                        let v = pose.rotation * Vector3::new(*x, *y, *z);
-                        return Some(row(
-                            o,
-                            scaled((base.rotation.transpose() * v).as_slice(), MM),
-                        ));
-                    }
-                    evaluator.distances(o, |d| distances.push(d));
-                    let [one] = distances.as_slice() else {
-                        return None;
-                    };
-                    vec![one * residual.first().map_or(1.0, |r| r.signum()) * MM]
-                }
-            };
-            Some(row(o, residual))
-        })
-        .collect()
 }
