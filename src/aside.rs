@@ -222,7 +222,7 @@ aside! {
         tool: &Vector3<Self>,
         weights: [Self; 2],
         columns: &mut [[Self; 6]],
-    ) = descent::weighted_jacobian;
+    ) = error::weighted_jacobian;
 
     /// See [`Region::place`].
     fn place(region: &Region<Self>, q: &[Self]) -> Option<Place<Self>> = place;

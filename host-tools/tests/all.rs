@@ -12,6 +12,7 @@ mod blob_is_put_to_use;
 mod cell_effects_show;
 mod cell_is_the_robot_of_its_files;
 mod closed_chains_calibrate_themselves;
+mod commands_hold_or_free_by_name;
 mod complete_models_count_as_theory_says;
 mod damaged_files_do_not_panic;
 mod demo_closes_the_loop;

@@ -7,17 +7,16 @@
 
 use nalgebra::Vector3;
 
-use super::error::PoseError;
+use super::error::{PoseError, below, rest, size, weighted, weighted_jacobian};
 use super::inverse_jacobian::singular_effort;
 use super::solve::dot;
 use super::step::{clearance, damped_step};
 use super::{Status, step, task_point, taught};
 use crate::budget::Moment;
-use crate::jacobian::joint_column;
 use crate::model::{Model, Prediction, Room, Scratch};
 use crate::taught::Taught;
-use crate::vector::{cross, less, square, times};
-use crate::{BakedJoint, Frame, Method, Pose, Scalar, Settings, Twist};
+use crate::vector::square;
+use crate::{BakedJoint, Method, Pose, Scalar, Settings, Twist};
 
 /// What the model says of a command.
 #[derive(Clone, Copy, Debug)]
@@ -586,63 +585,4 @@ pub(crate) fn arrive<T: Scalar>(
     step::copy(q, found);
     step::bounded(q, search.reach, clamped);
     [initial, best].map(|point| size(point.squares))
-}
-
-/// The twist from what is predicted to `desired`.
-///
-/// Of a small displacement t it is that from the rigid chain's pose, e, less t: the logarithm of
-/// `exp(e) exp(-t)` is `e - t - e x t / 2`, and what is left out is below |t|² / 6 of the result.
-fn rest<T: Scalar>(prediction: &Prediction<T>, desired: &Pose<T>) -> Twist<T> {
-    let t = &prediction.twist;
-    if square(&t.angular) > T::of(1e-4) {
-        return T::between(&prediction.pose(), desired);
-    }
-    let e = T::between(&prediction.rigid, desired);
-    let half = times(&cross(&e.angular, &t.angular), T::of(0.5));
-    Twist::new(
-        less(&e.linear, &t.linear),
-        less(&less(&e.angular, &t.angular), &half),
-    )
-}
-
-/// Whether errors with these `squares` are below the tolerances, or below what can be told
-/// apart where the tool is.
-#[inline(never)]
-fn below<T: Scalar>(settings: &Settings<T>, squares: &[T; 2], tool: &Vector3<T>) -> bool {
-    let far = tool.x.abs() + tool.y.abs() + tool.z.abs();
-    let floor = T::EPSILON * (T::one() + far);
-    let below =
-        |square: T, tolerance: T| square <= tolerance * tolerance || square <= floor * floor;
-    let [position, orientation] = *squares;
-    below(position, settings.position_tolerance)
-        && below(orientation, settings.orientation_tolerance)
-}
-
-/// Of squares of position and orientation error.
-#[inline(never)]
-fn size<T: Scalar>([position, orientation]: [T; 2]) -> PoseError<T> {
-    PoseError {
-        position: position.rough_root(),
-        orientation: orientation.rough_root(),
-    }
-}
-
-/// Position rows by the first weight, orientation rows by the second.
-#[inline]
-pub(super) fn weighted<T: Scalar>(twist: &Twist<T>, [p, o]: [T; 2]) -> [T; 6] {
-    let [a, b, c, d, e, f] = twist.rows();
-    [a * p, b * p, c * p, d * o, e * o, f * o]
-}
-
-/// Columns of the weighted joint Jacobian about `tool`.
-pub(crate) fn weighted_jacobian<T: Scalar>(
-    joints: &[BakedJoint<T>],
-    frames: &[Frame<T>],
-    tool: &Vector3<T>,
-    weights: [T; 2],
-    columns: &mut [[T; 6]],
-) {
-    for (column, (joint, frame)) in columns.iter_mut().zip(joints.iter().zip(frames)) {
-        *column = weighted(&joint_column(joint.kind, frame, tool), weights);
-    }
 }

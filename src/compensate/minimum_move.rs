@@ -1,6 +1,6 @@
 //! Commands in whole steps of the joints. MRD 5.5 to 5.8.
 
-use super::descent::weighted;
+use super::error::weighted;
 use super::solve::{add, dot};
 use crate::effects::Conditions;
 use crate::model::{Model, Room};

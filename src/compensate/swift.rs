@@ -29,14 +29,15 @@
 
 pub(crate) mod eased;
 mod second_order;
+mod squares;
 #[cfg(test)]
 mod tests;
 
 use nalgebra::{Matrix3, Vector3};
 
 use self::second_order::second_order;
-use super::descent::weighted;
-use super::error::PoseError;
+use self::squares::{Squares, Tangent};
+use super::error::{PoseError, weighted};
 use super::rigid::{Rest, approach, turn_by, turns_at};
 use super::solve::dot;
 use super::{Compensator, Outcome, Request, Status, direct, lqr, spherical_wrist, wrist_jacobian};
@@ -305,83 +306,6 @@ impl<T: Scalar> Plain<T> {
             clamped: [false; N],
             task_point: None,
             cycles,
-        }
-    }
-}
-
-/// Squares of position and orientation error.
-#[derive(Clone, Copy, Debug)]
-struct Squares<T> {
-    position: T,
-    orientation: T,
-}
-
-impl<T: Scalar> Squares<T> {
-    #[inline(always)]
-    fn of(e: &Twist<T>) -> Self {
-        Self {
-            position: square(&e.linear),
-            orientation: square(&e.angular),
-        }
-    }
-
-    #[inline(always)]
-    fn of_error(e: &PoseError<T>) -> Self {
-        Self {
-            position: e.position * e.position,
-            orientation: e.orientation * e.orientation,
-        }
-    }
-
-    #[inline(always)]
-    fn below(&self, tolerance: &Self) -> bool {
-        self.position <= tolerance.position && self.orientation <= tolerance.orientation
-    }
-
-    #[inline(always)]
-    fn weighted(&self, [position, orientation]: [T; 2]) -> T {
-        self.position * position + self.orientation * orientation
-    }
-
-    #[inline(always)]
-    fn error(&self) -> PoseError<T> {
-        PoseError {
-            position: self.position.rough_root(),
-            orientation: self.orientation.rough_root(),
-        }
-    }
-}
-
-/// Tangents of the two square roots at the squares of the tolerances: never below the root,
-/// and little above it there, in two operations.
-#[derive(Clone, Copy, Debug)]
-struct Tangent<T> {
-    /// Half the tolerances,
-    half: PoseError<T>,
-    /// and half their reciprocals.
-    slope: PoseError<T>,
-}
-
-impl<T: Scalar> Tangent<T> {
-    fn at(tolerance: &PoseError<T>) -> Self {
-        let half = T::of(0.5);
-        Self {
-            half: PoseError {
-                position: tolerance.position * half,
-                orientation: tolerance.orientation * half,
-            },
-            slope: PoseError {
-                position: half / tolerance.position,
-                orientation: half / tolerance.orientation,
-            },
-        }
-    }
-
-    #[inline(always)]
-    fn of(&self, squares: &Squares<T>) -> PoseError<T> {
-        PoseError {
-            position: self.half.position + squares.position * self.slope.position,
-            orientation: self.half.orientation + squares.orientation * self.slope.orientation,
         }
     }
 }

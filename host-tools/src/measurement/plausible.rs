@@ -217,16 +217,9 @@ fn check_lengths(dataset: &Dataset, columns: &Columns) -> Result<(), Error> {
         return Ok(());
     }
     let typical = median(dataset.rows.iter().filter_map(|r| r.length).collect());
-    match columns.get(Field::Length) {
-        Some(column) if typical > LARGEST_LENGTH => Err(Place::line(&dataset.file, columns.line)
-            .column(&column.name)
-            .bad(
-                format!("lengths of {typical:.0} m"),
-                format!("at most {LARGEST_LENGTH:.0} m"),
-                "if they are in millimetres, name the column length_mm",
-            )),
-        _ => Ok(()),
-    }
+    let found = format!("lengths of {typical:.0} m");
+    let advice = "if they are in millimetres, name the column length_mm";
+    check_distance(dataset, columns, Field::Length, typical, found, advice)
 }
 
 /// Nothing is seen from the tool that is farther off.
@@ -234,14 +227,27 @@ fn check_seen(dataset: &Dataset, columns: &Columns) -> Result<(), Error> {
     let seen = dataset.rows.iter().flat_map(|row| &row.relations.seen);
     let far = |p: [f64; 3]| p.iter().map(|x| x * x).sum::<f64>().sqrt();
     let typical = median(seen.filter_map(|s| s.position.map(far)).collect());
-    match columns.get(Field::Seen(columns::Seen::Position(0, 0))) {
-        Some(column) if typical > LARGEST_LENGTH => Err(Place::line(&dataset.file, columns.line)
-            .column(&column.name)
-            .bad(
-                format!("fixed things {typical:.0} m from the tool"),
-                format!("at most {LARGEST_LENGTH:.0} m"),
-                "if they are in millimetres, name the columns seen_x_mm, seen_y_mm, seen_z_mm",
-            )),
+    let first = Field::Seen(columns::Seen::Position(0, 0));
+    let found = format!("fixed things {typical:.0} m from the tool");
+    let advice = "if they are in millimetres, name the columns seen_x_mm, seen_y_mm, seen_z_mm";
+    check_distance(dataset, columns, first, typical, found, advice)
+}
+
+/// Refuses a `typical` distance in the column of `field` that no instrument reaches.
+fn check_distance(
+    dataset: &Dataset,
+    columns: &Columns,
+    field: Field,
+    typical: f64,
+    found: String,
+    advice: &str,
+) -> Result<(), Error> {
+    match columns.get(field) {
+        Some(column) if typical > LARGEST_LENGTH => {
+            let expected = format!("at most {LARGEST_LENGTH:.0} m");
+            let place = Place::line(&dataset.file, columns.line);
+            Err(place.column(&column.name).bad(found, expected, advice))
+        }
         _ => Ok(()),
     }
 }

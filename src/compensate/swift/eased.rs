@@ -1,7 +1,7 @@
 //! One step of a regulator that asks a price of its own of each joint: the plain case of a
 //! command in a margin, for which [`super::super::descent`] evaluates the model again and again.
 
-use super::super::descent::weighted;
+use super::super::error::weighted;
 use super::super::rigid::{Rest, approach};
 use super::super::solve::dot;
 use super::super::{Compensator, Request, Status};
