@@ -44,6 +44,7 @@ mod rank_loss_ends_with_a_report;
 mod real_measurements_are_read;
 mod robot_is_the_same_in_every_convention;
 mod scatter_matches_standard_errors;
+mod several_hidden_effects_are_named;
 mod tables_are_put_into_parameters;
 mod taught_commands_are_continuous;
 mod teaching_follows_the_book;
